@@ -25,8 +25,8 @@ An episode has these judgements:
   velocity that is asked of it; 2 s later no joint may be faster than 0.01 rad/s;
 - *tells*: within 0.3 s of that, ``limited_by`` names what is in the way, a pair that is nearer than
   3 mm beyond the distance at which arms rest, or a limit, and ``blocked_for`` counts;
-- *leaves*: 0.5 s after the stick is moved back, the tool, or a joint, has gone a millimetre, or a
-  milliradian, of the way that it came.
+- *leaves*: 0.5 s after the stick is moved back, a joint has moved by a milliradian, and a second
+  later the tool has gone a millimetre of the way that it came, or a joint a milliradian.
 
 A stick is held for 9 s, or, in three of four episodes, until progress has ended 2.5 s ago and the
 arm rests. Episodes in which progress does not end are counted apart: an arm that slides along a
@@ -67,8 +67,9 @@ INTO = ("own body", "table", "wall", "end of reach", "another arm")
 PERIODS = (1e-3, 5e-3, 1e-2)
 # Bounds of acceleration and jerk, of each of which a step is built [rad/s^2, rad/s^3].
 BOUNDS = ((2.0, 50.0), (5.0, 500.0), (10.0, 5000.0))
-# Times of holding and of leaving [s], and how long after progress has ended an arm is at rest [s].
-HELD, LEFT, SETTLED = 9.0, 0.5, 2.0
+# Times of holding, in which an arm leaves, and in which it goes back besides [s], and how long
+# after progress has ended it is at rest [s].
+HELD, LEFT, BACK, SETTLED = 9.0, 0.5, 1.0, 2.0
 # For how long it is held on once progress has ended [s]; the share of episodes held to the end.
 ON, TO_THE_END = 2.5, 0.25
 # Progress that does not count [m or rad], speed at rest [rad/s], motion that counts as leaving.
@@ -80,8 +81,9 @@ ALARM, LOOKS, NEAR = 0.3, 0.05, 0.013
 EXACT = 1e-9
 # Where the second Panda stands [m], and for how long it is led on at most [s].
 BESIDE, LED = 1.1, 4.0
-# Largest velocity of a joint by the speed of the tool [rad/m].
-FAST = 3.0
+# Largest velocity of a joint by the speed of the tool [rad/m], and the share of it below which a
+# joint is left alone.
+FAST, MATTERS = 3.0, 0.4
 # A box that is nowhere near: one build serves episodes with a box and without.
 AWAY = {"kind": "box", "center": [30.0, 0.0, 0.0], "size": [0.1, 0.1, 0.1]}
 
@@ -218,7 +220,7 @@ def judged(side: Side, kind: str, target: Array, speed: float, held: float | Non
             told.append((t, status.blocked_for, status.limited_by))
         k += 1
     end, back = k, stick.along(q[-1][side.block])
-    while k < end + round(LEFT / period):
+    while k < end + round((LEFT + BACK) / period):
         stick.hold(k * period, -1.0)
         q.append(shield.command(k * period))
         v.append(shield.velocity)
@@ -232,6 +234,7 @@ def judged(side: Side, kind: str, target: Array, speed: float, held: float | Non
         "distance": float(clearance.least_along(motion).min()) if clearance.count else 1.0,
         "ended": ended,
         "held": end * period,
+        "moved": float(np.abs(motion[end + round(LEFT / period)] - motion[end]).max()),
         "left": float((back - stick.along(motion[-1][side.block])).max()),
         "motion": motion,
     }
@@ -265,7 +268,8 @@ class Stick:
         self._end = np.concatenate((p + min(1.0, far) * self._way, R))
         J = kinematics.J(q)
         v = J.T @ np.linalg.solve(J @ J.T + 1e-3 * np.eye(3), self._way)
-        # Joints that are asked for these have come to an end before the stick is let go of.
+        # A stick for joints moves those that matter; they come to an end before it is let go of.
+        v[np.abs(v) < MATTERS * np.abs(v).max()] = 0.0
         self._v = speed * FAST / float(np.abs(v).max()) * v
         self._sign = 0.0
 
@@ -336,13 +340,16 @@ def _is_over(along: list[Array], v: list[Array], period: float, held: float | No
 
 
 def _tells(told: list[Any], ended: float, clearance: Any, motion: Array, period: float) -> bool:
-    """Return whether the alarm tells the true reason in time."""
+    """Return whether the alarm tells the true reason in time.
+
+    Where a pair is named, it must be one that is near; a limit, where none is near, or besides.
+    """
     for t, blocked_for, causes in told:
         if ended <= t <= ended + ALARM + period and blocked_for > 0.0 and causes:
             gaps = clearance.gaps(motion[round(t / period)])
             near = {frozenset(clearance.names[k]) for k in np.flatnonzero(gaps < NEAR)}
             pairs = {frozenset(each.split(" and ")) for each in causes if " and " in each}
-            if not pairs or pairs & near:
+            if pairs & near or not pairs:
                 return True
     return False
 
@@ -385,6 +392,11 @@ def _recount(name: str, folders: tuple[str, ...], obstacles: list[dict[str, Any]
     return Recount(_meshes_of(name, folders), tuple(solids))
 
 
+def _leaves(found: Found) -> bool:
+    """Return whether an arm leaves as its stick is moved back."""
+    return bool(min(found["moved"], found["left"]) >= LEAVES)
+
+
 def print_table(rows: list[Found]) -> None:
     """Print how all episodes ended, by what the stick was held into."""
     titles = ("held into", "episodes", "limits broken", "least distance [mm]", "collided")
@@ -405,13 +417,13 @@ def print_table(rows: list[Found]) -> None:
             len(group) - len(rest),
             f"{sum(r['speed'] < REST for r in rest)} of {len(rest)}",
             f"{sum(r['told'] for r in rest)} of {len(rest)}",
-            f"{sum(r['left'] >= LEAVES for r in group)} of {len(group)}",
+            f"{sum(_leaves(r) for r in group)} of {len(group)}",
         )
         row(into, *cells)
     fails = Counter(
         (r["arm"], r["kind"], r["into"], r["period"])
         for r in rows
-        if r["left"] < LEAVES or ("slides" not in r and not (r["told"] and r["speed"] < REST))
+        if not _leaves(r) or ("slides" not in r and not (r["told"] and r["speed"] < REST))
     )
     for key, count in fails.most_common(20):
         print(*key, count)

@@ -12,11 +12,14 @@ after a while in which the arm may just be starting or turning round, to a three
 that the arm feels its way, and is as fast as before half a second after the way is free. A tool
 that was on its way elsewhere has lost some of that work as it turns round: once it has gone well
 along b for a while, progress counts from there. What asks for something else has all of the speed.
+Joints may be too slow for b: it counts as no more than what their limits can make of it by then.
 """
 
 from __future__ import annotations
 
-from math import exp
+from collections import deque
+from collections.abc import Callable
+from math import exp, sqrt
 
 import numpy as np
 
@@ -29,6 +32,9 @@ _LEAST_GAIN = 0.1
 _MEAN, _FALL, _GROWTH, _LEAST = 0.1, 0.15, 0.08, 3e-3
 # Share of the work with which a tool goes well along what is wanted, and for how long it must [s].
 _WELL, _LONG = 0.5, 0.3
+# Way of a tool between two postures that are remembered [m], and how many are; the share of the way
+# back that is left where it ends, and the longest time for it [s].
+_SPACING, _POSTURES, _THERE, _LONGEST = 2e-3, 10, 0.2, 1.0
 # A tool is not led by less than this [m/s].
 _NOTHING = 1e-3
 
@@ -39,18 +45,25 @@ class Progress:
     Attributes:
         share: Share of its speed that it may want.
         blocked: Time for which it has not got on [s].
+        gained: How far it has got on by the last sample [m].
     """
 
     def __init__(self) -> None:
-        self.share = 1.0
         self.clear()
 
     def clear(self) -> None:
         """Begin anew, with something else that is wanted."""
-        self.share, self.blocked = 1.0, 0.0
-        self._ahead, self._rate, self._since, self._well = 0.0, 0.0, 0.0, 0.0
+        self.share, self.blocked, self.gained = 1.0, 0.0, 0.0
+        self._ahead, self._rate, self._since, self._well, self._age = 0.0, 0.0, 0.0, 0.0, 0.0
 
-    def note(self, wanted: Array, V_tool: Array, period: float, patience: float) -> None:
+    def note(
+        self,
+        wanted: Array,
+        V_tool: Array,
+        period: float,
+        patience: float,
+        fastest: Callable[[float], float],
+    ) -> None:
         """Take note of a sample.
 
         Args:
@@ -58,16 +71,23 @@ class Progress:
             V_tool: That of the tool, likewise.
             period: Time between two samples [s].
             patience: Time without progress after which the speed falls [s].
+            fastest: Returns how fast the limits of the joints let a tool be at most, in any
+                direction, of rows that are lengths [m/s], a time after it rested [s].
         """
-        square = float(wanted @ wanted)
-        if square < _NOTHING**2:
+        if asks_for_nothing(wanted):
             self.clear()
             return
+        self._age += period
+        size = sqrt(float(wanted @ wanted))
+        square = size * size
         # How far it is ahead of the largest value so far; negative if it has gone back.
         power = float(wanted @ V_tool)
+        if power < _WELL * self.share * square:
+            square = size * min(size, fastest(self._age))
         self._well = self._well + period if power >= _WELL * self.share * square else 0.0
         self._ahead = period * power + (self._ahead if self._well < _LONG else 0.0)
         gained, self._ahead = max(self._ahead, 0.0), min(self._ahead, 0.0)
+        self.gained = gained / size
         self._rate += (gained - period * self._rate) / (_MEAN + period)
         self.blocked = 0.0 if self._rate >= _LEAST_GAIN * square else self.blocked + period
         if self._rate >= _LEAST_GAIN * self.share * square:
@@ -76,6 +96,60 @@ class Progress:
         self._since += period
         if self._since > patience and not self._well:
             self.share = max(_LEAST, self.share * exp(-period / _FALL))
+
+
+class WayBack:
+    """The posture in which a tool still got on, to which it is led where it leaves its end.
+
+    At the end of its reach an arm is stretched. No velocity of the joints takes the tool back from
+    there at once, so that a law of velocities rests there for ever.
+    """
+
+    def __init__(self) -> None:
+        self._postures: deque[Array] = deque(maxlen=_POSTURES)
+        self._left = self._far = self._time = 0.0
+
+    def clear(self) -> None:
+        """Forget it."""
+        self._postures.clear()
+        self._left = self._far = self._time = 0.0
+
+    def note(self, q: Array, gained: float) -> None:
+        """Note a posture, shape (n,) [rad], and how far the tool has got on to it [m]."""
+        if self._far:
+            return
+        self._left -= gained
+        if self._left <= 0.0:
+            self._postures.append(q)
+            self._left = _SPACING
+
+    def turn(self, q: Array) -> None:
+        """Lead back from now on, from a posture, shape (n,) [rad]."""
+        if self._postures:
+            self._far = float(np.linalg.norm(self._postures[0] - q))
+
+    def velocity(self, q: Array, speed: float, period: float) -> Array | None:
+        """Return the velocities that lead back, shape (n,) [rad/s]; None if nothing does any more.
+
+        Args:
+            q: Where the joints are, shape (n,) [rad].
+            speed: How fast the tool is to be [m/s].
+            period: Time until the next call [s].
+        """
+        if not self._far:
+            return None
+        way = self._postures[0] - q
+        left = float(np.linalg.norm(way))
+        self._time += period
+        if left <= _THERE * self._far or self._time > _LONGEST:
+            self.clear()
+            return None
+        return np.asarray(way * (self._far * speed / (left * _SPACING * _POSTURES)))
+
+
+def asks_for_nothing(wanted: Array) -> bool:
+    """Return whether a task velocity, of rows that are lengths, leads no tool, shape (6,) [m/s]."""
+    return float(wanted @ wanted) < _NOTHING**2
 
 
 def is_another_twist(V: Array, V_before: Array) -> bool:

@@ -12,7 +12,7 @@ from ..laws.parts.jacobian import LEVER
 from ..robot.arm import Arm
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
-from .progress import Progress, is_another_twist
+from .progress import Progress, WayBack, asks_for_nothing, is_another_twist
 from .twist_lead import Feedback, TwistLead
 
 #: A tool that is this far off its pose wants to get on [m, rad].
@@ -20,10 +20,11 @@ OFF, TURNED = 0.01, 0.03
 #: A tool that is nearer than this is at its pose [m].
 AT = 1e-3
 # What a radian must bring the tool nearer, or else it cannot come nearer [m]; and how near to its
-# position limit a joint counts as at its end [rad].
-_NEARER, _END = 0.05, 0.02
-# Deceleration and largest speed with which a tool joins poses [m/s^2, m/s].
-_BRAKING, _JOINING = 1.0, 0.5
+# position limit a joint counts as at its end [rad]. What it brings at the end of reach [m].
+_NEARER, _END, _LITTLE = 0.05, 0.02, 0.2
+# Deceleration and largest speed with which a tool joins poses [m/s^2, m/s]; the first is no more
+# than joints that are slow to brake can make of it, this far from the tool [m].
+_BRAKING, _JOINING, _ARM = 1.0, 0.5, 0.5
 # Time without progress after which the tool wants less speed [s]: to a pose it may first go astray.
 _PATIENCE = {"twists": 0.25, "poses": 0.8}
 # What makes the rows of a twist lengths a second.
@@ -45,14 +46,17 @@ class ToolTracking:
         self, arm: Arm, limits: JointLimits, home: Array, period: float, steps: Steps
     ) -> None:
         self._kinematics, self._period, self._limits = arm.kinematics(), period, limits
+        braking = _BRAKING
+        if limits.acceleration is not None:
+            braking = min(braking, _ARM * float(limits.acceleration.min()))
         law = Adaptive(
             limits=limits,
             home=home,
             jacobian="known",
             task_size=6,
-            braking=_BRAKING,
+            braking=braking,
             feedback_limit=_JOINING,
-            turn_braking=4.0 * _BRAKING,
+            turn_braking=4.0 * braking,
             turn_limit=4.0 * _JOINING,
         )
         self._reading = reading = law.sampled(period)
@@ -63,15 +67,20 @@ class ToolTracking:
         self._feedbacks = turn, Feedback(own.kappa, own.braking, own.feedback_limit)
         self._lead = TwistLead(*self._feedbacks, period)
         self._has_begun = False
-        self._progress = Progress()
-        # What is followed since progress is counted.
+        self._progress, self._way_back = Progress(), WayBack()
+        # Whether the tool wants less than all of its speed, as of the last that led it anywhere.
+        self._is_at_end = False
+        # What is followed since progress is counted: the twist; the pose, and the velocity that it
+        # asked for.
         self._twist: Array | None = None
         self._pose: tuple[Array, Array] | None = None
+        self._asked = np.zeros(6)
 
     def clear(self) -> None:
         """Have the next twist or pose begin where the tool is then."""
         self._lead.clear()
         self._progress.clear()
+        self._way_back.clear()
         # The law too: what it wanted before is no longer wanted.
         self._has_begun = False
 
@@ -86,13 +95,12 @@ class ToolTracking:
         q, kinematics = guard.position, self._kinematics
         wanted, V_tool = _LENGTHS * V_WE, self._tool_velocity(guard)
         if self._twist is None or is_another_twist(wanted, self._twist):
-            self._progress.clear()
+            self._turn(q, wanted, self._twist)
             self._twist = wanted
         self._pose = None
         here = kinematics.R_WE(q), kinematics.p_WE(q)
         v = self._velocity(t, guard, *self._lead.pose(t, V_WE, V_tool, here))
-        self._progress.note(wanted, _LENGTHS * V_tool, self._period, _PATIENCE["twists"])
-        return self._progress.share * v
+        return self._within_progress(guard, v, wanted, _PATIENCE["twists"])
 
     def follow_pose(
         self, t: float, guard: StreamGuard, here: tuple[Array, Array], ahead: tuple[Array, Array]
@@ -105,17 +113,72 @@ class ToolTracking:
             here: Orientation and position of E that are wanted now, in W.
             ahead: The same a period later.
         """
-        (R, p), before = here, self._pose
-        if before is None or (
-            float(np.linalg.norm(p - before[1])) > OFF or angle_between(before[0], R) > TURNED
-        ):
-            self._progress.clear()
-            self._pose = here
-        self._twist = None
         v = self._velocity(t, guard, here, ahead)
+        wanted = self._wanted()
+        if self._pose is None or self._leads_elsewhere(here, wanted):
+            self._turn(guard.position, wanted, None if self._pose is None else self._asked)
+            self._pose, self._asked = here, wanted
+        self._twist = None
+        return self._within_progress(guard, v, wanted, _PATIENCE["poses"])
+
+    def _turn(self, q: Array, wanted: Array, before: Array | None) -> None:
+        """Count progress anew from a posture, of another task velocity than before [m/s].
+
+        A tool at the end of its reach, which hardly any motion of joints takes back, leaves it by
+        the way it came.
+        """
+        is_back = before is not None and self._is_at_end and wanted @ before < 0.0
+        brings = np.linalg.norm(wanted @ (_LENGTHS[:, None] * self._step.u["J"]))
+        if is_back and brings < _LITTLE * np.linalg.norm(wanted):
+            self._way_back.turn(q)
+        else:
+            self._way_back.clear()
+        self._progress.clear()
+
+    def _leads_elsewhere(self, here: tuple[Array, Array], wanted: Array) -> bool:
+        """Return whether a pose leads elsewhere than the one since which progress is counted.
+
+        One that goes on behind what stands in the way does not.
+
+        Args:
+            here: See `follow_pose`.
+            wanted: The task velocity that it asks for, of rows that are lengths, shape (6,) [m/s].
+        """
+        assert self._pose is not None
+        (R, p), (R_before, p_before) = here, self._pose
+        if np.linalg.norm(p - p_before) <= OFF and angle_between(R_before, R) <= TURNED:
+            return False
+        return asks_for_nothing(self._asked) or is_another_twist(wanted, self._asked)
+
+    def _within_progress(
+        self, guard: StreamGuard, v: Array, wanted: Array, patience: float
+    ) -> Array:
+        """Return velocities for a tool that wants less of them where it does not get on, (n,).
+
+        Args:
+            guard: What commands the arm.
+            v: Velocities that the law chooses, shape (n,) [rad/s].
+            wanted: Task velocity that is wanted, of rows that are lengths, shape (6,) [m/s].
+            patience: See `Progress.note`.
+        """
+        q, limits, progress, period = guard.position, self._limits, self._progress, self._period
+        speed = float(np.linalg.norm(wanted))
+        if (back := self._way_back.velocity(q, speed, period)) is not None:
+            return back / max(float((np.abs(back) / limits.velocity).max()), 1.0)
+
+        def fastest(age: float) -> float:
+            columns = np.linalg.norm(_LENGTHS[:, None] * self._step.u["J"], axis=0)
+            v = limits.velocity
+            if limits.acceleration is not None:
+                v = np.minimum(v, limits.acceleration * age)
+            return float(columns @ v)
+
         V_tool = _LENGTHS * self._tool_velocity(guard)
-        self._progress.note(self._wanted(), V_tool, self._period, _PATIENCE["poses"])
-        return self._progress.share * v
+        progress.note(wanted, V_tool, period, patience, fastest)
+        if not asks_for_nothing(wanted):
+            self._is_at_end = progress.share < 1.0
+            self._way_back.note(q, progress.gained)
+        return progress.share * v
 
     @property
     def blocked(self) -> float:
@@ -168,9 +231,25 @@ class ToolTracking:
         if not self._has_begun:
             step.x[:] = reading.initial_state(np.random.default_rng(0), u)
             self._has_begun = True
-        step.x[:] = reading.resumed(step.x, q, guard.velocity, guard.acceleration)
+        step.x[:] = reading.resumed(step.x, q, *self._motion_at_speed(guard))
         step.make()
         return np.array(reading.commanded_velocity(t, step.x))
+
+    def _motion_at_speed(self, guard: StreamGuard) -> tuple[Array, Array]:
+        """Return velocities and accelerations of the arm if its tool could have all of its speed.
+
+        Of a tool that wants a share of its speed, time goes by as much more slowly. Without that,
+        the law would go on from a share of what it can add to the velocity in a sample, and the arm
+        would not feel its way.
+        """
+        share, limits = self._progress.share, self._limits
+        v, a = guard.velocity, guard.acceleration
+        if share == 1.0:
+            return v, a
+        v = (v / share).clip(-limits.velocity, limits.velocity)
+        return v, a if limits.acceleration is None else (a / share).clip(
+            -limits.acceleration, limits.acceleration
+        )
 
 
 def angle_between(R: Array, S: Array) -> float:

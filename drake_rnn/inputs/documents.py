@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from copy import deepcopy
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib import import_module
 from io import StringIO
 from pathlib import Path
@@ -28,7 +28,7 @@ from ruamel.yaml.nodes import MappingNode, SequenceNode
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from ..errors import InvalidInputError
-from .files import content_of, is_file
+from .files import content_of, is_file, with_keys_once
 from .kinds import naming
 from .messages import (
     decimal,
@@ -138,7 +138,7 @@ def records_of(file: Path, most: int) -> Iterator[Any]:
     try:
         text = content_of(file, most).decode("utf-8-sig")
         if file.suffix.lower() == ".json":
-            records = iter((json.loads(text, object_pairs_hook=_distinct),))
+            records = iter((json.loads(text, object_pairs_hook=with_keys_once),))
         else:
             records = _yaml_records(text)
         for record in records:
@@ -153,23 +153,38 @@ def records_of(file: Path, most: int) -> Iterator[Any]:
         raise ValueError(f"is no JSON: {error}") from None
 
 
-def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a mapping of JSON; raise a ValueError if a key is there twice."""
-    mapping = dict(pairs)
-    if len(mapping) != len(pairs):
-        raise ValueError(f"the key {given_twice(key for key, _ in pairs)!r} is given twice")
-    return mapping
-
-
 def _yaml_records(text: str) -> Iterator[Any]:
     # Its parser in C is a hundred times as fast as that of documents; few files need it.
     yaml: Any = import_module("yaml")
     if "<<" in text:
         raise ValueError("has merges (<<), which are not read here")
+    try:
+        for record in yaml.load_all(text, Loader=_record_loader(yaml)):
+            if record is not None:
+                yield record
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = "" if mark is None else f"line {mark.line + 1}, column {mark.column + 1}: "
+        raise ValueError(f"is no YAML: {place}{error.problem}") from None
+    except yaml.YAMLError as error:
+        raise ValueError(f"is no YAML: {' '.join(str(error).split())}") from None
+
+
+@cache
+def _record_loader(yaml: Any) -> type:
+    """Return a reader of YAML whose every complaint has a place in the text."""
     base = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader
 
     class Loader(base):  # type: ignore[misc, valid-type]
         """A reader that takes no key twice, of which it would keep the last."""
+
+        def construct_object(self, node: Any, deep: bool = False) -> Any:
+            try:
+                return super().construct_object(node, deep)
+            except (ValueError, LookupError, AttributeError, TypeError):
+                # A whole number or a date that is none, for one.
+                problem = f"{short(node.value)} is not as its form or tag says"
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark) from None
 
         def construct_mapping(self, node: Any, deep: bool = False) -> Any:
             mapping = super().construct_mapping(node, deep)
@@ -180,16 +195,7 @@ def _yaml_records(text: str) -> Iterator[Any]:
                 raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
             return mapping
 
-    try:
-        for record in yaml.load_all(text, Loader=Loader):
-            if record is not None:
-                yield record
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        place = "" if mark is None else f"line {mark.line + 1}, column {mark.column + 1}: "
-        raise ValueError(f"is no YAML: {place}{error.problem}") from None
-    except yaml.YAMLError as error:
-        raise ValueError(f"is no YAML: {' '.join(str(error).split())}") from None
+    return Loader
 
 
 def list_of(record: Mapping[str, Any], key: str) -> list[Any]:

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInputError
+from .messages import given_twice
 from .packages import import_name
 
 _MEGABYTE = 1_000_000
@@ -135,16 +136,25 @@ def json_of(file: str | Path) -> Any:
 
     Raises:
         OSError: If it cannot be opened or read.
-        ValueError: If it is no regular file, too large, no JSON, or nested too deeply.
+        ValueError: If it is no regular file, too large, no JSON, nested too deeply, or holds a key
+            twice.
     """
     try:
-        return json.loads(content_of(file, _MOST_JSON))
+        return json.loads(content_of(file, _MOST_JSON), object_pairs_hook=with_keys_once)
     except RecursionError:
         raise ValueError("is nested too deeply") from None
     except ValueError as error:
         # Python reads no whole number of more than 4300 digits.
         text = "holds a number of too many digits" if "digits" in str(error) else str(error)
         raise ValueError(text) from None
+
+
+def with_keys_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a mapping of JSON; raise a ValueError if a key is there twice."""
+    mapping = dict(pairs)
+    if len(mapping) != len(pairs):
+        raise ValueError(f"the key {given_twice(key for key, _ in pairs)!r} is given twice")
+    return mapping
 
 
 class ArrayHead(NamedTuple):

@@ -1286,6 +1286,8 @@ def _of_parquet(file: Path, choice: Choice) -> Recording:
                 if _is_read(arrow, field.type) or _is_chunk(arrow, field.type)
             ]
             require_few(source.metadata.num_rows, "rows", 100 * MOST_ROWS)
+            if (twice := given_twice(field_names)) is not None:
+                raise _ContentError(f"column {twice} is given twice")
             _require_little(source.metadata, set(field_names))
             table, notes = _episode_of(source, field_names, choice.episode)
         except (OSError, ValueError, ArithmeticError, MemoryError) as error:
@@ -1308,7 +1310,11 @@ def _of_parquet(file: Path, choice: Choice) -> Recording:
 
 def _of_arrays(file: Path, choice: Choice) -> Recording:
     """Return the arrays of a file of numpy.savez: times, and rows as long, such as t and q."""
-    shapes = {name: head.shape for name, head in heads_of(file).items()}
+    heads = heads_of(file)
+    for name, head in heads.items():
+        if head.kind == "b":
+            raise ValueError(f"{name} must hold numbers, not true and false")
+    shapes = {name: head.shape for name, head in heads.items()}
     lengths = {shape[:1] for shape in shapes.values()}
     if len(lengths) != 1 or any(len(shape) not in (1, 2) for shape in shapes.values()):
         text = ", ".join(f"{name} {shape}" for name, shape in shapes.items())

@@ -159,7 +159,9 @@ def test_a_run_to_a_target_shows_every_joint(tmp_path):
         assert text in result.stdout
 
 
-@pytest.mark.parametrize(("bound", "code"), [(1.0, 0), (1e-9, 3)])
+@pytest.mark.parametrize(
+    ("bound", "code"), [pytest.param(1.0, 0, marks=pytest.mark.long), (1e-9, 3)]
+)
 def test_with_check_a_bound_that_is_not_kept_ends_with_3(tmp_path, bound, code):
     accept = f"accept={{position_error_max_m: {{at_most: {bound}}}}}"
     options = ("--duration", "0.05", "--set", "window=null", "--set", accept, "--out", tmp_path)

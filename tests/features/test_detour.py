@@ -59,6 +59,7 @@ def round_the_board():
     return simulate(scene(log_period=PERIOD))
 
 
+@pytest.mark.long
 def test_a_law_without_detours_is_stuck_before_a_board():
     result = simulate(scene(detour=None, log_period=PERIOD))
     assert result.position_error[-1] > 0.2

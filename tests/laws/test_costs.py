@@ -88,6 +88,7 @@ def energy(series):
     )
 
 
+@pytest.mark.long
 def test_each_cost_has_the_least_of_its_own():
     """Each without the way back; the manipulability from a posture where it is low."""
     plain = run(return_gain=0.0)

@@ -94,7 +94,8 @@ def test_without_avoidance_the_same_arm_goes_through_it():
     assert motion.error[-1] < 1e-6
 
 
-@pytest.mark.parametrize("jerk", [None, pytest.param(20.0, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("jerk", [None, 20.0])
 def test_what_is_certified_is_free_at_all_times_and_no_pair_is_nearer_than_is_known(
     monkeypatch, jerk
 ):

@@ -135,7 +135,7 @@ def test_velocities_are_those_over_the_samples_that_it_is_told(kinematics):
     np.testing.assert_allclose(kept["J_hat"], [[2, 0], [0, 0], [0, 0]], rtol=1e-4)
 
 
-@pytest.mark.parametrize("still", [0.0, 3e-3])
+@pytest.mark.parametrize("still", [pytest.param(0.0, marks=pytest.mark.long), 3e-3])
 def test_an_arm_at_rest_learns_nothing_from_errors_of_measurement(kinematics, still):
     """Half a minute, 10 um of noise, joints that tremble by the feedback: else J_hat walks away."""
     q = np.array([0.0, 0.3, 0.1, -1.8, 0.2, 2.0, 0.5])

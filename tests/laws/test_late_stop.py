@@ -108,7 +108,7 @@ def test_a_command_that_is_withdrawn_was_never_given(jerk):
     assert guard.newest.after == guard.newest.number - 1
 
 
-@pytest.mark.parametrize("jerk", [None, 100.0])
+@pytest.mark.parametrize("jerk", [pytest.param(None, marks=pytest.mark.long), 100.0])
 def test_a_ball_that_comes_while_calls_are_late_is_never_touched(jerk):
     """Late by up to 0.5 s, the arm on its stop; the ball goes at its speed to where its tool is."""
     h, rng = 0.01, np.random.default_rng(0 if jerk is None else 1)

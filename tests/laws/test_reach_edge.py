@@ -344,6 +344,7 @@ def test_a_joint_that_slides_moves_the_pose_along_its_axis():
     np.testing.assert_allclose(J_moved[3:, 1], [-1.0, 0.0, 0.0], atol=1e-15)
 
 
+@pytest.mark.long
 def test_an_arm_is_led_to_a_least_error_and_not_to_a_saddle():
     kinematics = load_arm("ur5").kinematics()
     limits = load_arm("ur5").limits.replace(velocity=1.0, acceleration=0.3)

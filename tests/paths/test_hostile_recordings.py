@@ -115,6 +115,88 @@ def test_deep_records_are_refused(tmp_path):
             parse_yaml(text, "a document")
 
 
+#: Files of a few bytes that have no end, hardly one, or mean nothing; and what is said of them.
+ENDLESS = {
+    "aliases of aliases": (
+        "a.yaml",
+        "a: &a {x: {y: 1}}\n"
+        + "".join(
+            f"{c}: &{c} {{{', '.join(f'k{k}: *{b}' for k in range(9))}}}\n"
+            for b, c in zip("abcdefgh", "bcdefghi", strict=True)
+        ),
+        "refers to itself, or holds more than",
+    ),
+    "a list of itself": ("a.yaml", "&a [*a, *a]", "refers to itself"),
+    "chunks of chunks": ("a.yaml", "&a {chunks: [*a]}", "refers to itself"),
+    "lists in lists": ("a.json", 500 * "[" + "1" + 500 * "]", "nested too deeply"),
+    "a number of 400 digits": (
+        "a.json",
+        f'{{"t": 0, "positions": [{"9" * 400}]}}',
+        "holds a number of too many digits",
+    ),
+    "many joints": (
+        "a.json",
+        json.dumps({"name": [f"j{k}" for k in range(100_000)], "position": [0.0]}),
+        "name: has 100000 joints, and may have 1000",
+    ),
+    "many keys": (
+        "a.json",
+        "{" + ", ".join(f'"k{k}": 1' for k in range(100_000)) + ', "k99999": 2}',
+        "the key 'k99999' is given twice",
+    ),
+    "a whole number by its tag": ("a.yaml", "t: !!int ''", "line 1, column 4: '' is not as its"),
+    "a flag by its tag": ("a.yaml", "t: !!bool x", "line 1, column 4: 'x' is not as its form"),
+    "a time by its tag": ("a.yaml", "t: !!timestamp x", "line 1, column 4: 'x' is not as its"),
+    "a date by its form": ("a.yaml", "t: 2020-99-99", "'2020-99-99' is not as its form or tag"),
+}
+
+
+def test_records_have_an_end(tmp_path):
+    def check(name, text, said):
+        (tmp_path / name).write_text(text)
+        refused(tmp_path / name, said)
+
+    assert_each(check, ENDLESS)
+
+
+def test_arrays_of_a_file_have_bounds(tmp_path):
+    """Kilobytes that stand for gigabytes, and what is no number."""
+    t = np.arange(50_000)
+    columns = np.zeros((50_000, 401), dtype=np.int8)
+
+    def check(said, **arrays):
+        np.savez_compressed(tmp_path / "a.npz", **arrays)
+        refused(tmp_path / "a.npz", said)
+
+    check("has 20100000 numbers, and may have 20000000", t=t, q=columns)
+    few = columns[:3]
+    check("has 1204 columns, and may have 1000", t=t[:3], q=few, q_command=few, x=few)
+    check("q must hold numbers, not true and false", t=t[:3], q=np.zeros((3, 7), dtype=bool))
+
+
+def deep_names(depth):
+    return {"a": deep_names(depth - 1)} if depth else ["x"]
+
+
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        ('{"fps": 10, "fps": 20}', "meta/info.json: the key 'fps' is given twice"),
+        (
+            json.dumps({"features": {"action": {"names": {"a": deep_names(20)}}}}),
+            "meta/info.json: names: may be nested 8 deep",
+        ),
+    ],
+)
+def test_what_a_data_set_states_has_bounds(tmp_path, stated, said):
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "meta" / "info.json").write_text(stated)
+    table = arrow.table({"timestamp": [0.0, 0.1], "action": [[0.0] * 7] * 2})
+    parquet.write_table(table, tmp_path / "a.parquet")
+    refused(tmp_path / "a.parquet", said)
+
+
 def test_a_key_that_is_there_twice_is_refused(tmp_path):
     """Before, the last one counted."""
     text = '{"name": ["a"], "position": [0.0], "position": [1.0]}'

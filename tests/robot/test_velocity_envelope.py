@@ -129,9 +129,9 @@ def moving(rng, limits):
 def test_where_h_is_largest_is_found_and_never_underestimated(jerk):
     """2e-5 rad: where the acceleration rises, a bound is taken of steps in between."""
     rng, h = np.random.default_rng(3), 1e-3
-    limits = with_envelopes(rng, 1000)
-    fast = spread(rng, 0.5, 10.0, 1000)
-    limits = limits._replace(acceleration=fast, jerk=spread(rng, *jerk, 1000))
+    limits = with_envelopes(rng, 500)
+    fast = spread(rng, 0.5, 10.0, 500)
+    limits = limits._replace(acceleration=fast, jerk=spread(rng, *jerk, 500))
     w, b = moving(rng, limits)
     upwards = course(w, b, limits.acceleration, limits.jerk, h).mirror > 0.0
     most = farthest(w, b, limits.envelope, limits.acceleration, limits.jerk, h)

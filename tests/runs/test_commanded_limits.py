@@ -2,9 +2,8 @@
 
 from io import StringIO
 
-from rich.console import Console
-
 import pytest
+from rich.console import Console
 
 from drake_rnn.cli.tables import metrics_table
 from drake_rnn.playback.page import outcome_of

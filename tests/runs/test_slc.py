@@ -339,7 +339,13 @@ FAR = {
 
 @pytest.mark.parametrize(
     "reading",
-    [{}, {"period": None, "integrator": {"scheme": "runge_kutta3", "accuracy": 1e-4}}],
+    [
+        {},
+        pytest.param(
+            {"period": None, "integrator": {"scheme": "runge_kutta3", "accuracy": 1e-4}},
+            marks=pytest.mark.long,
+        ),
+    ],
     ids=["sampled", "continuous"],
 )
 def test_an_arm_that_cycles_keeps_its_position_limits(reading):

@@ -126,7 +126,7 @@ def _drag(args: Shield) -> None:
             raise InvalidInputError("FILE: must be given, or --live to drag a target")
         own, changes = _own_changes(args.changes)
         period = _PERIOD_LIVE if args.period is None else args.period
-        document = {**drawn_document(args.arm, args.arm, period), "obstacles": []}
+        document = {**drawn_document(Path(args.arm).stem, args.arm, period), "obstacles": []}
         document["arm"] = _arm_section(args)
         contents = read_document(document, changes)
         contents["obstacles"] = with_speed(contents["obstacles"] or [], _SPEED)
@@ -222,17 +222,27 @@ def _first_row(calls: Sequence[RecordedCall], arm: Arm) -> Array | None:
     Raises:
         InvalidInputError: If the arm has no home either.
     """
+    beyond = ""
     for call in calls:
         rows = call.values[np.isfinite(call.values).all(axis=1)]
-        if call.kind == "positions" and len(rows) and not arm.limits.violation(rows[0]).any():
-            return rows[0]
+        if call.kind == "positions" and len(rows):
+            limits = arm.limits
+            if not (off := limits.violation(rows[0])).any():
+                return rows[0]
+            joint = int(off.argmax())
+            bounds = limits.position_lower[joint], limits.position_upper[joint]
+            beyond = (
+                f"targets: begin with {arm.joints[joint]} at {rows[0][joint]:.4g}, which may be "
+                f"{bounds[0]:.4g} to {bounds[1]:.4g}; for degrees give targets.angles: degrees, or "
+                "[deg] in columns' names; otherwise "
+            )
         if len(rows):
             break
     if arm.home is None:
         proposed = np.round(proposed_home(arm), 3).tolist()
         raise InvalidInputError(
-            "start: must be given, the posture that the arm rests in: its model has no home, and "
-            "the stream does not begin with joint positions within the limits; such as "
+            f"{beyond}start: must be given, the posture that the arm rests in: its model has no "
+            "home, and the stream does not begin with joint positions within the limits; such as "
             f"--set start={proposed}"
         )
     return None

@@ -40,6 +40,8 @@ _NEWEST, _STOPS, _LOOKS, _FOLLOWS, _LOOKED, _DRIVER = 0, 8, 16, 24, 32, 40
 _ROUNDED = 8.0
 # Time for which the process waits for a driver that has begun to look [s].
 _LOOKING = 5.0
+# Times that are longer after now are of another clock [s].
+_APART = 60.0
 
 
 class CommandMemory(SharedMemory):
@@ -218,13 +220,19 @@ class CommandReader:
                 `GuardCommand.position_at`.
 
         Raises:
-            InvalidInputError: If the time is no number.
+            InvalidInputError: If the time is no number, or of another clock.
             RobotError: If there is no command at all, or the reader has not looked for so long that
                 commands are lost which it would have followed.
         """
         if t is not None and not is_number(t):
             raise InvalidInputError(f"t: must be a time [s], not {short(t)}")
-        t = time.monotonic() if t is None else float(t)
+        now = time.monotonic()
+        t = now if t is None else float(t)
+        if t - now > _APART:  # the arm would stand until then
+            raise InvalidInputError(
+                f"t: {t:.9g} s is {t - now:.3g} s after now; must be on the clock of "
+                f"time.monotonic(), which shows {now:.9g} s"
+            )
         self._memory.look(t)
         followed = self._memory.newest(t) if self._followed is None else self._next(t)
         if followed is None:
@@ -263,8 +271,10 @@ class CommandReader:
             if command.number > number:
                 raise RobotError(
                     f"commands: number {followed.number} was followed last, {self._looked:.3f} s, "
-                    f"and more than the {COMMANDS} that are kept have come since; how the arm goes "
-                    "on is not known. Have it stop, and begin with another reader"
+                    f"{time.monotonic() - self._looked:.2g} s ago, and more than the {COMMANDS} "
+                    "that are kept have come since: times are asked for too seldom, or fall behind "
+                    "time.monotonic(), as those of a robot whose cycles are too slow. How the arm "
+                    "goes on is not known. Have it stop, and begin with another reader"
                 )
             number += 1
             slack = SAME * command.period

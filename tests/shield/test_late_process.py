@@ -204,7 +204,7 @@ def test_a_driver_and_the_process_agree_on_a_command_that_came_at_the_last_momen
     # Too many: how the arm goes on is not known.
     for number in range(20, 21 + COMMANDS):
         memory.give(command(number, 1.18 + 0.01 * (number - 19)))
-    with pytest.raises(RobotError, match="commands: number 19 was followed last"):
+    with pytest.raises(RobotError, match=r"commands: number 19 was followed last.* fall behind"):
         reader.at(1.19)
 
 
@@ -217,6 +217,15 @@ def test_without_a_driver_a_late_command_is_withdrawn_and_others_look_by_time(sh
     assert [memory.newest(t).number for t in (0.5, 1.015, 1.02, 9.0)] == [1, 1, 3, 3]
     memory.goes_on = False
     assert memory.newest(0.0).number == 3
+
+
+def test_a_time_of_another_clock_is_refused(shared):
+    memory, path = shared
+    reader = CommandReader(path)
+    memory.give(command(1, time.monotonic()))
+    with pytest.raises(InvalidInputError, match=r"^t: .* on the clock of time.monotonic\(\)"):
+        reader.position_at(time.time() + 1e6)
+    reader.position_at(time.monotonic())
 
 
 def test_a_command_says_where_its_stop_leads():

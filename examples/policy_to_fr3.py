@@ -64,7 +64,7 @@ def drive(pipe, make_robot, address):
 
 
 def main(make_robot, address, seconds=5.0):
-    """Have a robot follow the policy, and print what came of it."""
+    """Have a robot follow the policy, and print what came of it; return 1 if it ended early."""
     pipe, end = get_context("spawn").Pipe()
     get_context("spawn").Process(target=drive, args=(end, make_robot, address), daemon=True).start()
     end.close()
@@ -85,9 +85,10 @@ def main(make_robot, address, seconds=5.0):
         print(f"cycles: {cycles}, of which the robot lost {lost}")
         print(f"late samples: {shield.late_samples} of {shield.latest().number}")
         print(f"largest error of a joint: {error:.4f} rad")
+    return int(reason is not None)
 
 
 if __name__ == "__main__":
     from drake_rnn.drive.franka import Franka
 
-    main(Franka, sys.argv[1])
+    sys.exit(main(Franka, sys.argv[1]))

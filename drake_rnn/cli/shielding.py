@@ -29,7 +29,6 @@ from ..live.shielded import DraggedShield, drawn_document
 from ..paths.joint_targets import RecordedTargets
 from ..paths.recordings import MOST_ROWS, RecordedCall
 from ..robot.arm import Arm
-from ..robot.limits import JointLimits
 from ..robot.load_arm import FrameMissingError
 from ..robot.postures import proposed_home
 from ..runs.folder import make_folder, require_fillable, written_whole
@@ -147,7 +146,7 @@ def _drag(args: Shield) -> None:
             raise InvalidInputError("FILE: must be given, or --live to drag a target")
         own, changes = _own_changes(args.changes)
         period = _PERIOD_LIVE if args.period is None else args.period
-        document = {**drawn_document(args.arm, args.arm, period), "obstacles": []}
+        document = {**drawn_document(Path(args.arm).stem, args.arm, period), "obstacles": []}
         document["arm"] = _arm_section(args)
         contents = read_document(document, changes)
         contents["obstacles"] = with_speed(contents["obstacles"] or [], _SPEED)
@@ -298,8 +297,10 @@ def _start_of_arms(source: _Source, by_arm: Mapping[str, ArmCalls]) -> Array | N
     home, rows = source.arm.home, {}
     for name, each in by_arm.items():
         limits = source.arm.limits.select(range(source.arm.n)[each.block])
-        first = _first_positions(each.calls, limits)
-        rows[name] = first if first is not None or home is None else home[each.block]
+        first = _first_positions(each.calls)
+        if first is None or limits.violation(first).any():
+            first = None if home is None else home[each.block]
+        rows[name] = first
     if missing := [name for name, row in rows.items() if row is None]:
         raise InvalidInputError(
             f"start: must be given, the posture that both arms rest in: the model has no home, and "
@@ -332,27 +333,35 @@ def _first_row(calls: Sequence[RecordedCall], arm: Arm) -> Array | None:
     Raises:
         InvalidInputError: If the arm has no home either.
     """
-    first = _first_positions(calls, arm.limits)
-    if first is None and arm.home is None:
+    first = _first_positions(calls)
+    beyond = np.zeros(0) if first is None else arm.limits.violation(first)
+    if first is not None and not beyond.any():
+        return first
+    if arm.home is None:
+        begins = ""
+        if first is not None:
+            joint = int(beyond.argmax())
+            bounds = arm.limits.position_lower[joint], arm.limits.position_upper[joint]
+            begins = (
+                f"targets: begin with {arm.joints[joint]} at {first[joint]:.4g}, which may be "
+                f"{bounds[0]:.4g} to {bounds[1]:.4g}; for degrees give targets.angles: degrees, or "
+                "[deg] in columns' names; otherwise "
+            )
         proposed = np.round(proposed_home(arm), 3).tolist()
         raise InvalidInputError(
-            "start: must be given, the posture that the arm rests in: its model has no home, and "
-            "the stream does not begin with joint positions within the limits; such as "
+            f"{begins}start: must be given, the posture that the arm rests in: its model has no "
+            "home, and the stream does not begin with joint positions within the limits; such as "
             f"--set start={proposed}"
         )
-    return first
+    return None
 
 
-def _first_positions(calls: Sequence[RecordedCall], limits: JointLimits) -> Array | None:
-    """Return the joint positions that calls begin with, shape (n,) [rad]; None of other targets.
-
-    None also where limits do not allow them.
-    """
+def _first_positions(calls: Sequence[RecordedCall]) -> Array | None:
+    """Return the joint positions that calls begin with, shape (n,) [rad]; None of other targets."""
     for call in calls:
         rows = call.values[np.isfinite(call.values).all(axis=1)]
         if len(rows):
-            is_allowed = call.kind == "positions" and not limits.violation(rows[0]).any()
-            return rows[0] if is_allowed else None
+            return rows[0] if call.kind == "positions" else None
     return None
 
 

@@ -280,7 +280,10 @@ class CommandReader:
         number = followed.number + 1
         while (command := memory.command(number)) is not None and command.number >= number:
             if command.number > number:
-                raise self._lost(f"more than the {COMMANDS} that are kept have come since")
+                raise self._lost(
+                    f"more than the {COMMANDS} that are kept have come since: times are asked for "
+                    "too seldom, or fall behind time.monotonic()"
+                )
             number += 1
             slack = SAME * command.period
             if isinf(command.time):

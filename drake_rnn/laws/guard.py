@@ -848,7 +848,12 @@ class StreamGuard:
         Such as ``missed``, the samples without a target; ``held_back``, those in which the velocity
         that was wanted was not free; and ``uncertified``, those in which the arm moved and no stop
         was, because of a measurement beyond what is stated or a motion of others.
+
+        Raises:
+            InvalidInputError: If the state has no such part.
         """
+        if name not in (parts := self._reading.state.parts):
+            raise InvalidInputError(f"name: no part {short(name)}; there are {', '.join(parts)}")
         return np.array(self._reading.state.part(self.state, name))
 
     @property

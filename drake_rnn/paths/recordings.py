@@ -314,6 +314,8 @@ def joint_columns(table: Table, joints: Sequence[str], choice: Any) -> JointColu
         return JointColumns(tuple(joints), tuple(x for x in names if x not in joints), True)
     else:
         found = _columns_of_joints(table, joints)
+        if isinstance(found, JointColumns) and (text := _beside_commands(table, joints, found)):
+            return text
     if isinstance(found, JointColumns):
         return _of_tool(found.names, joints) or found
     told = [*map(_of_tool, table.series.values()), _of_tool(names, least=_SOME)]
@@ -348,14 +350,41 @@ def _columns_of_joints(table: Table, joints: Sequence[str]) -> JointColumns | st
                 return JointColumns(tuple(columns), others, ranking[0][0] == 0)
     return next(
         (
-            f"columns: must be given, as the entries of {stem}, "
-            f"{', '.join(_inner(stem, columns))}, are not called as the arm's joints, "
-            f"{', '.join(joints)}; {stem} takes them in this order"
+            _not_called(stem, columns, joints)
             for stem, columns in table.series.items()
             if len(columns) == n and not _OTHER.search(stem.lower())
         ),
         "",
     )
+
+
+def _not_called(stem: str, columns: Sequence[str], joints: Sequence[str]) -> str:
+    """Return what to say of a list that may be the joints, by other names."""
+    return (
+        f"columns: must be given, as the entries of {stem}, "
+        f"{', '.join(_inner(stem, columns))}, are not called as the arm's joints, "
+        f"{', '.join(joints)}; {stem} takes them in this order"
+    )
+
+
+def _beside_commands(table: Table, joints: Sequence[str], found: JointColumns) -> str:
+    """Return what to say of joints that are measured, beside what is commanded; empty if not so.
+
+    Such as a data set's `observation.state`, whose `action` are poses of the tool.
+    """
+    commands = [name for name in table.names if _COMMAND.search(name.lower())]
+    in_list = any(set(found.names) <= set(columns) for columns in table.series.values())
+    if (found.is_plain and not in_list) or set(found.names) & set(commands):
+        return ""
+    if told := _of_tool(commands):
+        return told
+    velocities = _velocity_columns(table, joints)
+    for stem, columns in table.series.items():
+        is_motion = not _OTHER.search(stem.lower()) and len(columns) >= len(joints)
+        if _COMMAND.search(stem.lower()) and (is_motion or velocities == tuple(columns)):
+            text = f", and {found.names[0]} ... are not what is commanded"
+            return _not_called(stem, columns, joints) + text
+    return ""
 
 
 def _may_be_position(name: str, joints: Sequence[str]) -> bool:

@@ -481,7 +481,7 @@ def read_chunk(name: str, values: object, width: int, timing: Timing, clock: Sou
         return Chunk(offset + _times(timing, len(rows), now), rows)
     begin = now if timing.start is None else _start("start", timing.start, now)
     if timing.rate is None and len(rows) > 1:
-        raise InvalidInputError(f"{name}: of {len(rows)} targets the rate must be given")
+        raise InvalidInputError(f"{name}: of {len(rows)} targets the rate, or times, must be given")
     interval = 0.0 if timing.rate is None else 1.0 / _rate(timing.rate)
     return Chunk(offset + begin + interval * np.arange(len(rows), dtype=np.float64), rows)
 

@@ -200,6 +200,7 @@ def written_actions(folder, actions, names, nested=True, **info):
     (folder / "meta" / "info.json").write_text(json.dumps(stated))
     file = folder / "episode_000000.parquet"
     table = {"timestamp": [0.0, 0.1, 0.2], "action": actions, "episode_index": [0, 0, 0]}
+    table["observation.state"] = [[0.2] * 7] * 3  # what is measured of the joints
     parquet.write_table(arrow.table(table), file)
 
     def read(**options):
@@ -540,9 +541,18 @@ def test_ones_own_model_needs_its_frame_alone_and_begins_at_the_first_row(tmp_pa
     run = Result.load(tmp_path / "stream")
     np.testing.assert_allclose(run.series["position"][0], start, atol=1e-12)
     assert "the stream would not have tripped the robot" in result.stdout
+    # Degrees are told before a posture to start at is asked for.
+    turns = [[t, *map(float, np.rad2deg(q))] for t, *q in rows]
+    file.write_text(rows_of(["t", *(f"q{k}" for k in range(1, 8))], turns))
+    told = sentence(call("shield", file, "--arm", lone, "--frame", "panda_link8", *plain))
+    assert told.startswith("targets: begin with panda_joint")
+    assert "for degrees give targets.angles" in told
     jump = [[0.0, *map(float, start)], [0.05, *map(float, start + 0.5)]]
     file.write_text(rows_of(["t", *(f"q{k}" for k in range(1, 8))], jump))
     # The frame by its key of the document.
     by_key = ("--set", "arm.frame=panda_link8", "--set", LIMITS)
     result = call("shield", file, "--arm", lone, *by_key, *plain)
     assert "the stream would have tripped the robot by velocity" in result.stdout
+    # A file in another folder names a shield that a target is dragged for.
+    told = call("shield", "--live", "--arm", lone, "--frame", "panda_link8", "--set", "start=[0]")
+    assert sentence(told).startswith("start: ")

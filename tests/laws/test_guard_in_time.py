@@ -91,6 +91,8 @@ def test_a_guard_that_goes_on_after_a_pause_knows_how_long_it_was(jerk):
     assert least >= 0.005
     assert guard.jumps == {"ball 1": 0}
     assert guard.part("uncertified").item() == 0.0
+    with pytest.raises(InvalidInputError, match=r"name: no part 'late'; there are .*uncertified"):
+        guard.part("late")
 
 
 def test_without_the_time_a_pause_forgets_where_obstacles_were():

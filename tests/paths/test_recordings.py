@@ -501,7 +501,9 @@ def written_actions(folder, names, rows=None, width=7, **info):
     (folder / "meta").mkdir()
     features = {"action": {"dtype": "float32", "shape": [width], "names": names}}
     (folder / "meta" / "info.json").write_text(json.dumps({"features": features, **info}))
-    table = {"action": rows, "timestamp": TIMES, "frame_index": [0, 1, 2]}
+    # What is measured of the joints is beside it, as in all of LeRobot's data sets.
+    measured = {f"observation.{name}": [[0.2] * 7] * 3 for name in ("state", "effort")}
+    table = {"action": rows, **measured, "timestamp": TIMES, "frame_index": [0, 1, 2]}
     parquet.write_table(arrow.table(table), folder / "e.parquet")
     return "e.parquet"
 

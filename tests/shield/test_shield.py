@@ -776,7 +776,10 @@ REFUSALS = [
     (lambda s: s.follow_positions(ROWS.T, rate=20), "it looks transposed"),
     (lambda s: s.follow_positions(ROWS[None], rate=20), "it has an axis too many, such as that of"),
     (lambda s: s.follow_positions([None] * 7), "q: must be real numbers, not"),
-    (lambda s: s.follow_positions(np.tile(HOME, (3, 1))), "q: of 3 targets the rate must be given"),
+    (
+        lambda s: s.follow_positions(np.tile(HOME, (3, 1))),
+        "of 3 targets the rate, or times, must",
+    ),
     (lambda s: s.follow_positions(DEGREES), "angles are in radians, and these look like degrees"),
     (lambda s: s.follow_positions(0.1 * DEGREES), "radians, and these look like degrees"),
     (lambda s: s.follow_velocities(30.0 * np.ones(7)), "must be in rad/s, not degrees a second"),

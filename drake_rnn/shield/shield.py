@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from time import perf_counter
 from typing import Annotated, Any, NamedTuple
@@ -73,6 +74,7 @@ from .chunks import (
     read_chunk,
 )
 from .chunks import Kind as Kind
+from .pose_filter import PoseFilter, Tracking, unit_poses
 from .progress import Progress, is_another_twist
 from .pursuit import Pursuit
 from .report import (
@@ -141,6 +143,8 @@ class ShieldStatus(NamedTuple):
         silent_for: Time since the last target that is followed [s]; infinite before one.
         arrived: Number of the last chunk at whose last target the arm has come to rest, as
             `StreamShield.follow` has returned it; 0 before one.
+        tracking: What `ShieldSettings.poses` says: ``tracked``, ``lost``, or why the newest pose
+            was dropped, by the names in `Counts`; empty without it, and before poses.
     """
 
     behind: float
@@ -150,6 +154,7 @@ class ShieldStatus(NamedTuple):
     blocked_for: float
     silent_for: float
     arrived: int = 0
+    tracking: str = ""
 
 
 @validated
@@ -187,6 +192,13 @@ class ShieldSettings:
         StrictBool,
         Meaning("Whether the way goes on more slowly where the arm is behind."),
     ] = False
+    poses: Annotated[
+        PoseFilter | None,
+        Meaning(
+            "Which poses are followed that something measures; by default all, and those are "
+            "refused that can hardly be meant."
+        ),
+    ] = None
     blocked_after: Annotated[
         Positive,
         Meaning(
@@ -348,6 +360,10 @@ class StreamShield:
         self._wanted = np.zeros(arm.n)
         # Positions of the poses that came last.
         self._poses = np.zeros((0, 3))
+        self._tracking: Tracking | None = None
+        if settings.poses is not None:
+            kept = None if settings.record is True else max(int(settings.record), 1)
+            self._tracking = Tracking(settings.poses, self._way.counts, kept)
         self._remember(settings.record)
         if self._steps.are_compiled:
             # Now, and not at the first pose: a compiler takes seconds.
@@ -531,6 +547,8 @@ class StreamShield:
     def _resumed(self, t: float | None) -> None:
         """Forget what was followed, as the arm goes on from elsewhere, at a time [s]."""
         self.rest()
+        if self._tracking is not None:
+            self._tracking.clear()
         if "_tool" in vars(self):
             self._tool.clear()
         self._stands_at = self._guard.position
@@ -595,7 +613,8 @@ class StreamShield:
         silent = self._t - self._last
         at_work = self._limits_at_work()
         return ShieldStatus(
-            self._behind(), off_path, delay, at_work, self._blockage.time, silent, self._arrived
+            *(self._behind(), off_path, delay, at_work, self._blockage.time, silent, self._arrived),
+            tracking="" if self._tracking is None else self._tracking.state,
         )
 
     @property
@@ -609,9 +628,11 @@ class StreamShield:
             raise InvalidInputError(
                 "record: there is none of this shield; make it with ShieldSettings(record=True)"
             )
-        return record_of(
+        record = record_of(
             list(self._samples), self.period, self.arm.joints, self.clearance, tuple(self._ways)
         )
+        dropped = () if self._tracking is None else tuple(self._tracking.dropped)
+        return replace(record, dropped=dropped)
 
     @property
     def last_step(self) -> LastStep:
@@ -712,7 +733,7 @@ class StreamShield:
                 f"{_SPIN:g} and {_SPEED:g}; must be an angular velocity [rad/s], not in degrees, "
                 "and then a velocity [m/s], not in millimetres"
             )
-        elif kind == "poses":
+        elif kind == "poses" and self.settings.poses is None:
             self._check_poses(rows)
 
     def _check_positions(self, rows: Array) -> None:
@@ -766,11 +787,36 @@ class StreamShield:
 
     def _accept(self, kind: Kind, chunk: Chunk, now: float) -> int:
         """Take checked targets, and return their number; 0 if they are not followed."""
+        if self._tracking is not None and kind == "poses":
+            return self._accept_measured(self._tracking, chunk, now)
+        if self._tracking is not None:
+            self._tracking.clear()
         if kind == "positions":
             chunk = self._unwound(chunk)
         if kind == "poses":
             self._poses, chunk = chunk.values[:, :3], self._near(chunk)
         return self._take(kind, chunk, now)
+
+    def _accept_measured(self, tracking: Tracking, chunk: Chunk, now: float) -> int:
+        """Take what is believed of poses that something measures; see `_accept`."""
+        if tracking.is_lost(now):
+            self.rest()
+        refusal, rows = "", unit_poses(chunk.values)
+        if not tracking.has_begun and len(rows):
+            try:
+                self._check_poses(rows)
+            except InvalidInputError as error:
+                refusal = str(error).removeprefix("X_WE: ")
+        chunk = tracking.believed(chunk, now, self._kinematics.p_WE(self.position), refusal)
+        if not len(chunk.times):
+            self.counts.chunks += 1
+            tracking.take(None, now)
+            return 0
+        poses, chunk = chunk.values[:, :3], self._near(chunk)
+        if number := self._take("poses", chunk, now):
+            self._poses = poses
+            tracking.take(chunk, now)
+        return number
 
     def _take(self, kind: Kind, chunk: Chunk, now: float) -> int:
         """Follow a chunk, whose kind may be another than that of the last one."""
@@ -811,6 +857,8 @@ class StreamShield:
 
     def _target(self, now: float, q: Array) -> Array | None:
         """Return the joint positions that lead the arm, shape (n,) [rad]; None before a target."""
+        if self._tracking is not None and self._kind == "poses" and self._tracking.is_lost(now):
+            self.rest()
         if self._way.end == -np.inf:
             self._wanted = np.zeros(q.size)
             return None

@@ -31,7 +31,8 @@ from ..live.session import Session
 from ..live.shielded import DraggedShield, drawn_document
 from ..paths.joint_targets import RecordedTargets
 from ..paths.recordings import MOST_ROWS, RecordedCall
-from ..robot.arm import Arm, shipped_arms
+from ..robot.arm import Arm
+from ..robot.load_arm import FrameMissingError
 from ..robot.postures import proposed_home
 from ..runs.folder import written_whole
 from ..runs.result import Result
@@ -183,8 +184,7 @@ def _stream(args: Shield) -> Iterator[_Stream]:
     }
     contents = read_document(document, changes)
     recorded = construct(RecordedTargets, contents["targets"], "targets")
-    _require_frame(contents["arm"], args.arm)
-    arm = Arms().of(contents["arm"])
+    arm = _arm_of(contents["arm"])
     calls, notes = recorded.calls(arm.joints, arm.units, _rest_of(contents, arm))
     _require_seconds(calls, recorded.file)
     if "start" not in contents:
@@ -208,15 +208,11 @@ def _arm_section(args: Shield) -> dict[str, Any]:
     return {"model": args.arm} | ({} if args.frame is None else {"frame": args.frame})
 
 
-def _require_frame(section: Mapping[str, Any], name: str) -> None:
-    """Raise an InvalidInputError that says all that a model file needs, if its frame is missing."""
-    if name in shipped_arms() or section.get("frame") is not None:
-        return
+def _arm_of(section: Mapping[str, Any]) -> Arm:
+    """Return the arm of a section, or raise an InvalidInputError that says all that it needs."""
     try:
-        Arms().of(section)
-    except InvalidInputError as error:
-        if not str(error).startswith("arm.frame: must be given"):
-            raise
+        return Arms().of(section)
+    except FrameMissingError as error:
         raise InvalidInputError(
             f"{error}; give --frame. Joint positions begin at their first row; for other targets "
             "give --set start=[...] as well, the posture that the arm rests in"

@@ -87,8 +87,12 @@ def load_arm(model: str | Path, **changes: Any) -> Arm:
     name = str(model)
     is_file_name = name not in shipped_arms() and Path(name).suffix.lower() in MODEL_SUFFIXES
     if is_file_name and changes.get("frame") is None:
-        raise InvalidInputError(f"arm.frame: must be given{_ends(Path(name), changes)}")
+        raise FrameMissingError(f"arm.frame: must be given{_ends(Path(name), changes)}")
     return named_arm(name, changes)
+
+
+class FrameMissingError(InvalidInputError):
+    """A model file whose frame is not given."""
 
 
 def _ends(file: Path, fields: Mapping[str, Any]) -> str:

@@ -29,7 +29,9 @@ from ..inputs.fields import (
     with_own_errors,
 )
 from ..inputs.messages import nearest, require_type, short
+from ..laws.guarantee import Assumption
 from ..laws.guard import LastStep, StreamGuard
+from ..laws.guard_command import GuardCommand
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
@@ -38,6 +40,7 @@ from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits
 from ..systems import start_posture
 from .chunks import WIDTHS, Kind
+from .guarded_commands import GuardedCommands
 from .report import ShieldRecord
 from .shield import (
     ShieldSettings,
@@ -57,7 +60,7 @@ _AT_REST = 1e-9
 
 
 @with_own_errors
-class DualArmShield:
+class DualArmShield(GuardedCommands):
     """Follows a source for each of two arms with certified commands, clear of each other.
 
     The arms are a pair: an `Arm` with ``pair``, of two models or of a bimanual one. Each of them is
@@ -145,8 +148,8 @@ class DualArmShield:
             has_compliance=True,
         )
         for side in sides:
-            told = None if on_blocked is None else partial(on_blocked, side.name)
-            side.join(self._guard, self.lookahead, told)
+            alarm = None if on_blocked is None else partial(on_blocked, side.name)
+            side.join(self._guard, self._times, self.lookahead, alarm)
         self.arms = dict(zip(self.names, sides, strict=True))
 
     @staticmethod
@@ -331,49 +334,9 @@ class DualArmShield:
         return self.arm.joints
 
     @property
-    def position(self) -> Array:
-        """Positions commanded last, shape (n,) [rad]."""
-        return self._guard.position
-
-    @property
-    def velocity(self) -> Array:
-        """Velocities commanded last, shape (n,) [rad/s]."""
-        return self._guard.velocity
-
-    @property
     def time(self) -> float:
         """Time of the last command [s]."""
         return self.arms[self.names[0]].time
-
-    @property
-    def uncertified(self) -> int:
-        """In how many samples an arm moved and no stop was certified; see `drake_rnn.Guard`."""
-        return int(self._guard.part("uncertified").item())
-
-    @property
-    def late_stops(self) -> int:
-        """How many commands came so late that an arm on its way had to stop at the last one."""
-        return self._guard.late_stops
-
-    @property
-    def late_samples(self) -> int:
-        """How many samples of certified stops the arms went along, see `drake_rnn.Guard`."""
-        return self._guard.late_samples
-
-    @property
-    def moving_obstacles(self) -> tuple[str, ...]:
-        """Names of the obstacles that may move, in the order of the rows of `p_WO`."""
-        return self._guard.moving_obstacles
-
-    @property
-    def steps(self) -> str:
-        """How the steps of the law are made, in a line, such as ``C (gcc), from the cache``."""
-        return self._steps.text
-
-    @property
-    def overruns(self) -> int:
-        """How many calls of `command` took longer than the period."""
-        return self._times.overruns
 
     @property
     def p_WO(self) -> Array:
@@ -386,12 +349,12 @@ class DualArmShield:
 
         Of the way of both only `ways` of each arm's own record tells.
         """
-        return _joined([side.record for side in self.arms.values()])
+        return _join([side.record for side in self.arms.values()])
 
     @property
     def last_record(self) -> ShieldRecord:
         """See `StreamShield.last_record`."""
-        return _joined([side.last_record for side in self.arms.values()])
+        return _join([side.last_record for side in self.arms.values()])
 
     @property
     def last_step(self) -> LastStep:
@@ -424,7 +387,7 @@ class DualArmShield:
         return dict(zip(self.names, parts, strict=True))
 
 
-def _joined(records: Sequence[ShieldRecord]) -> ShieldRecord:
+def _join(records: Sequence[ShieldRecord]) -> ShieldRecord:
     """Return records of two arms at the same times as one, whose joints follow one another."""
     one, other = records
 
@@ -485,6 +448,7 @@ class ArmStream(StreamShield):
     def join(
         self,
         guard: StreamGuard,
+        times: CallTimes,
         lookahead: float,
         on_blocked: Callable[[ShieldStatus], object] | None,
     ) -> None:
@@ -492,12 +456,14 @@ class ArmStream(StreamShield):
 
         Args:
             guard: That.
+            times: How long its calls take.
             lookahead: How far ahead both are led [s].
             on_blocked: See `StreamShield`.
         """
         self.lookahead, self._on_blocked = lookahead, on_blocked
         # It has of a guard what a stream reads of it.
         self._guard = cast("StreamGuard", _GuardOfArm(guard, self.block))
+        self._times = times
         self._begin()
 
     def command(self, t: float | None = None, p_WO: Displacements | None = None) -> Array:
@@ -526,7 +492,7 @@ class ArmStream(StreamShield):
         return not is_held and now > self._way.end + self.settings.timeout
 
 
-class _Followed(NamedTuple):
+class _LawOfArm(NamedTuple):
     """What is known of the joints of an arm by the law of both.
 
     Attributes:
@@ -548,7 +514,7 @@ class _GuardOfArm:
 
     def __init__(self, guard: StreamGuard, block: slice) -> None:
         self._guard, self._block = guard, block
-        self.law = _Followed(guard.law.home[block], guard.law.turning[block])
+        self.law = _LawOfArm(guard.law.home[block], guard.law.turning[block])
         self.period, self.tolerance, self.moving = guard.period, guard.tolerance, guard.moving
 
     @property
@@ -568,8 +534,27 @@ class _GuardOfArm:
         return self._guard.last_step._replace(block=self._block)
 
     @property
+    def newest(self) -> GuardCommand:
+        newest, block = self._guard.newest, self._block
+        return newest._replace(
+            position=newest.position[block],
+            velocity=newest.velocity[block],
+            acceleration=newest.acceleration[block],
+            most=newest.most[block],
+            jerk=None if newest.jerk is None else newest.jerk[block],
+        )
+
+    @property
     def late_stops(self) -> int:
         return self._guard.late_stops
+
+    @property
+    def late_samples(self) -> int:
+        return self._guard.late_samples
+
+    @property
+    def assumptions(self) -> tuple[Assumption, ...]:
+        return self._guard.assumptions
 
     @property
     def p_WO(self) -> Array:

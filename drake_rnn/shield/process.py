@@ -359,17 +359,17 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
     @property
     def late_stops(self) -> int:
         """See `drake_rnn.Guard.late_stops`."""
-        return self._guard.late_stops if self._process is None else int(self._status()[5])
+        return super().late_stops if self._process is None else int(self._status()[5])
 
     @property
     def late_samples(self) -> int:
         """See `drake_rnn.Guard.late_samples`."""
-        return self._guard.late_samples if self._process is None else int(self._status()[6])
+        return super().late_samples if self._process is None else int(self._status()[6])
 
     @property
     def newest(self) -> GuardCommand:
         """The last command, with the certified stop that follows it; see `latest`."""
-        return self._guard.newest if self._process is None else self.latest()
+        return super().newest if self._process is None else self.latest()
 
     @property
     def refusal(self) -> str:
@@ -526,10 +526,10 @@ class _ServedShield(StreamShield):
             **task.world,
             steps=task.steps,
         )
-        self._memory, self._seen, self._placed = memory, 0, 0
+        self._memory, self._seen, self._place_number = memory, 0, 0
         memory.names.write(memory.sizes.text)
         self._number = 0
-        self._noted: tuple[Any, ...] = ()
+        self._due_note: tuple[Any, ...] = ()
         # When the way that is left was written last [s].
         self._way_told = -np.inf
         # When the next command is due, and the target that is followed then.
@@ -573,7 +573,7 @@ class _ServedShield(StreamShield):
 
     def _note(self, *arguments: Any) -> None:
         # It can wait.
-        self._noted = arguments
+        self._due_note = arguments
 
     def _target(self, now: float, q: Array) -> Array | None:
         ready, self._ready = self._ready, None
@@ -583,8 +583,8 @@ class _ServedShield(StreamShield):
 
     def prepare(self, now: float) -> None:
         """Tell of the command, follow chunks that have come, though few at once, and look ahead."""
-        if self._noted:
-            super()._note(*self._noted)
+        if self._due_note:
+            super()._note(*self._due_note)
         self._tell()
         count = self._memory.count
         first = max(self._seen + 1, count - RING + 1)
@@ -626,10 +626,10 @@ class _ServedShield(StreamShield):
     def _places(self) -> Array | None:
         """Return places of obstacles, NaN for what is not new; None before the first ones."""
         record = self._memory.places.read() if self._guard.moving else None
-        if record is not None and record[0] != self._placed:
-            self._placed = record[0]
+        if record is not None and record[0] != self._place_number:
+            self._place_number = record[0]
             return np.array(record[1:]).reshape(-1, 3)
-        return self._not_measured if self._placed or not self._guard.moving else None
+        return self._not_measured if self._place_number or not self._guard.moving else None
 
     def _tell(self) -> None:
         """Write what there is to say of the newest command."""

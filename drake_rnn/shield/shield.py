@@ -48,10 +48,8 @@ from ..inputs.fields import (
 )
 from ..inputs.keys import Meaning
 from ..inputs.messages import is_number, require_type, short
-from ..laws import Adaptive, JointStream
-from ..laws.guarantee import Assumption
+from ..laws import JointStream
 from ..laws.guard import LastStep, Late, StepInPlace, StreamGuard
-from ..laws.parts.jacobian import LEVER
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
@@ -74,8 +72,8 @@ from .chunks import (
     read_chunk,
 )
 from .chunks import Kind as Kind
+from .guarded_commands import GuardedCommands
 from .pose_filter import PoseFilter, Tracking, unit_poses
-from .progress import Progress, is_another_twist
 from .pursuit import Pursuit
 from .report import (
     Sample,
@@ -85,7 +83,7 @@ from .report import (
     pose_of,
     record_of,
 )
-from .twist_lead import Feedback, TwistLead
+from .tool_tracking import AT, OFF, TURNED, ToolTracking, angle_between
 
 # Least lookahead [s]; how much of a/J it is if the jerk is bounded.
 _LEAST_LOOKAHEAD, _LAGS = 0.05, 2.0
@@ -96,19 +94,13 @@ _BEHIND, _HALT = 0.02, 0.1
 _STANDS, _WANTS = 0.03, 0.02
 # Share of a velocity that is asked for below which an arm does not get on.
 _ADVANCES = 0.1
-# A tool that is this far off its pose wants to get on [m, rad]; it has arrived if it is nearer than
-# these, or its joints than that [rad], and slower [rad/s].
-_OFF, _TURNED = 0.01, 0.03
-_AT, _AT_TURN, _AT_JOINTS, _SETTLED = 1e-3, 5e-3, 2e-3, 1e-3
-# What a radian must bring the tool nearer, or else it cannot come nearer [m]; and how near to its
-# position limit a joint counts as at its end [rad].
-_NEARER, _END = 0.05, 0.02
+# A tool has arrived that is turned off its pose by less than the first of these, joints that are
+# nearer to their positions than the second [rad], if they are slower than the third [rad/s].
+_AT_TURN, _AT_JOINTS, _SETTLED = 5e-3, 2e-3, 1e-3
 # Poses that begin farther from the tool than this are refused [m].
 _JUMP = 0.5
 # Changes of the way that are remembered of a record of the last commands.
 _WAYS = 64
-# Deceleration and largest speed with which a tool joins poses [m/s^2, m/s].
-_BRAKING, _JOINING = 1.0, 0.5
 # A quaternion this far from length 1 is told.
 _UNIT = 1e-3
 # A tool does not turn or move faster [rad/s, m/s].
@@ -261,7 +253,7 @@ def check_period(key: str, period: object) -> None:
 
 
 @with_own_errors
-class StreamShield:
+class StreamShield(GuardedCommands):
     """Follows joint positions, velocities, poses or twists with certified commands.
 
     `drake_rnn.Shield` is one that may run in a process of its own. See there.
@@ -556,50 +548,15 @@ class StreamShield:
             self._t, self._is_timed = float(t), True
 
     @property
-    def position(self) -> Array:
-        """Positions commanded last, shape (n,) [rad]."""
-        return self._guard.position
-
-    @property
-    def velocity(self) -> Array:
-        """Velocities commanded last, shape (n,) [rad/s]."""
-        return self._guard.velocity
-
-    @property
     def time(self) -> float:
         """Time of the last command [s]."""
         return self._t
-
-    @property
-    def moving_obstacles(self) -> tuple[str, ...]:
-        """Names of the obstacles that may move, in the order of the rows of `p_WO`."""
-        return self._guard.moving_obstacles
-
-    @property
-    def steps(self) -> str:
-        """How the steps of its laws are made, in a line, such as ``C (gcc), from the cache``."""
-        return self._steps.text
-
-    @property
-    def overruns(self) -> int:
-        """How many calls of `command` took longer than the period."""
-        return self._times.overruns
 
     @property
     def leading(self) -> Array | None:
         """Positions that the arm was led to by the last command, shape (n,) [rad]; None so far."""
         target = self._guard.last_step.u["target"]
         return target if np.isfinite(target).all() else None
-
-    @property
-    def uncertified(self) -> int:
-        """In how many samples the arm moved and no stop was certified; see `drake_rnn.Guard`."""
-        return 0 if self.clearance is None else int(self._guard.part("uncertified").item())
-
-    @property
-    def assumptions(self) -> tuple[Assumption, ...]:
-        """What the limits and the distance rest on that its commands keep."""
-        return self._guard.assumptions
 
     @property
     def counts(self) -> Counts:
@@ -776,7 +733,7 @@ class StreamShield:
                 f"metres, in W, the frame of the arm's base{hint}"
             )
         turn, turn_w_last = (
-            _angle_between(R_WE, pose_of(np.concatenate((rows[0, :3], wxyz)))[0])
+            angle_between(R_WE, pose_of(np.concatenate((rows[0, :3], wxyz)))[0])
             for wxyz in (rows[0, 3:], np.roll(rows[0, 3:], 1))
         )
         if turn > _TURN and turn_w_last < _NEAR:
@@ -968,14 +925,14 @@ class StreamShield:
         if not self._is_led:
             return True
         turn, way = self._off_pose(q)
-        return way < _OFF and turn < _TURNED and self._error < _WANTS
+        return way < OFF and turn < TURNED and self._error < _WANTS
 
     def _off_pose(self, q: Array) -> tuple[float, float]:
         """Return how far the tool is off the pose that is wanted now [rad, m]."""
         R_WE, p_WE = self._pose_at(self._t)
         kinematics = self._kinematics
         away = float(np.linalg.norm(p_WE - kinematics.p_WE(q)))
-        return _angle_between(kinematics.R_WE(q), R_WE), away
+        return angle_between(kinematics.R_WE(q), R_WE), away
 
     def _is_settled(self, now: float, q: Array) -> bool:
         """Return whether the arm has come to rest at the last target of what it follows."""
@@ -990,7 +947,7 @@ class StreamShield:
             return self._error < _AT_JOINTS
         if self._kind == "poses":
             turn, way = self._off_pose(q)
-            return way < _AT and turn < _AT_TURN
+            return way < AT and turn < _AT_TURN
         return True
 
     def _behind(self) -> float:
@@ -1058,12 +1015,6 @@ class StreamShield:
         return ("reach",) if ends is not None or self._blockage.time else ()
 
 
-# Time without progress after which the tool wants less speed [s]: to a pose it may first go astray.
-_PATIENCE = {"twists": 0.25, "poses": 0.8}
-# What makes the rows of a twist lengths a second.
-_LENGTHS = np.array([LEVER] * 3 + [1.0] * 3)
-
-
 def checked_motion(
     limits: JointLimits, q: object, v: object, a: object
 ) -> tuple[Array, Array, Array]:
@@ -1112,149 +1063,3 @@ def law_of(
         clearance=clearance,
         endless=[bool(turns) for turns in arm.endless],
     )
-
-
-class ToolTracking:
-    """Joint velocities that move the tool from where it is to a pose, by the adaptive law.
-
-    Args:
-        arm: The arm.
-        limits: Limits of the joints.
-        home: Posture that joints which the task leaves free are pulled to, shape (n,) [rad].
-        period: Time for which a velocity is held [s].
-        steps: How the steps of the law are made.
-    """
-
-    def __init__(
-        self, arm: Arm, limits: JointLimits, home: Array, period: float, steps: Steps
-    ) -> None:
-        self._kinematics, self._period, self._limits = arm.kinematics(), period, limits
-        law = Adaptive(
-            limits=limits,
-            home=home,
-            jacobian="known",
-            task_size=6,
-            braking=_BRAKING,
-            feedback_limit=_JOINING,
-            turn_braking=4.0 * _BRAKING,
-            turn_limit=4.0 * _JOINING,
-        )
-        self._reading = reading = law.sampled(period)
-        self._step = steps.bind(reading, period)
-        own = reading.law
-        assert own.kappa is not None
-        turn = Feedback(own.kappa, own.turn_braking, own.turn_limit)
-        self._feedbacks = turn, Feedback(own.kappa, own.braking, own.feedback_limit)
-        self._lead = TwistLead(*self._feedbacks, period)
-        self._has_begun = False
-        self._progress = Progress()
-        # What is followed since progress is counted.
-        self._twist: Array | None = None
-        self._pose: tuple[Array, Array] | None = None
-
-    def clear(self) -> None:
-        """Have the next twist or pose begin where the tool is then."""
-        self._lead.clear()
-        self._progress.clear()
-
-    def follow_twist(self, t: float, guard: StreamGuard, V_WE: Array) -> Array:
-        """Return the velocities of the next period that move the tool, shape (n,) [rad/s].
-
-        Args:
-            t: Time now [s].
-            guard: What commands the arm.
-            V_WE: Twist that is asked for, shape (6,) [rad/s, m/s].
-        """
-        q, kinematics = guard.position, self._kinematics
-        wanted, V_tool = _LENGTHS * V_WE, self._tool_velocity(guard)
-        if self._twist is None or is_another_twist(wanted, self._twist):
-            self._progress.clear()
-            self._twist = wanted
-        self._pose = None
-        here = kinematics.R_WE(q), kinematics.p_WE(q)
-        v = self._velocity(t, guard, *self._lead.pose(t, V_WE, V_tool, here))
-        self._progress.note(wanted, _LENGTHS * V_tool, self._period, _PATIENCE["twists"])
-        return self._progress.share * v
-
-    def follow_pose(
-        self, t: float, guard: StreamGuard, here: tuple[Array, Array], ahead: tuple[Array, Array]
-    ) -> Array:
-        """Return the velocities of the next period that lead to a pose, shape (n,) [rad/s].
-
-        Args:
-            t: Time now [s].
-            guard: What commands the arm.
-            here: Orientation and position of E that are wanted now, in W.
-            ahead: The same a period later.
-        """
-        (R, p), before = here, self._pose
-        if before is None or (
-            float(np.linalg.norm(p - before[1])) > _OFF or _angle_between(before[0], R) > _TURNED
-        ):
-            self._progress.clear()
-            self._pose = here
-        self._twist = None
-        v = self._velocity(t, guard, here, ahead)
-        V_tool = _LENGTHS * self._tool_velocity(guard)
-        self._progress.note(self._wanted(), V_tool, self._period, _PATIENCE["poses"])
-        return self._progress.share * v
-
-    @property
-    def blocked(self) -> float:
-        """Time for which the tool has not got on [s]."""
-        return self._progress.blocked
-
-    @property
-    def out_of_reach(self) -> tuple[int, ...] | None:
-        """Joints at their ends without which no motion brings the tool nearer; None if one does."""
-        u, limits = self._step.u, self._limits
-        turn = rotation_error(u["R_WE"], u["R_WE_desired"])
-        error = _LENGTHS * np.concatenate((turn, u["p_WE_desired"] - u["p_WE"]))
-        size = float(np.linalg.norm(error))
-        if size < _AT:
-            return None
-        nearer, q = error @ (_LENGTHS[:, None] * u["J"]) / size, u["position"]
-        at_end = np.where(nearer > 0.0, limits.position_upper - q, q - limits.position_lower) < _END
-        if np.linalg.norm(nearer[~at_end]) > _NEARER:
-            return None
-        return tuple(np.flatnonzero(at_end & (np.abs(nearer) > _NEARER)).tolist())
-
-    def _wanted(self) -> Array:
-        """Return the task velocity that the law wants, of rows that are lengths, (6,) [m/s]."""
-        u, (of_turn, of_way) = self._step.u, self._feedbacks
-        turning = rotation_error(u["R_WE_desired"], u["R_preview"]) / self._period
-        moving = (u["p_preview"] - u["p_WE_desired"]) / self._period
-        turning = turning + of_turn.velocity(rotation_error(u["R_WE"], u["R_WE_desired"]))
-        moving = moving + of_way.velocity(u["p_WE_desired"] - u["p_WE"])
-        return _LENGTHS * np.concatenate((turning, moving))
-
-    def _tool_velocity(self, guard: StreamGuard) -> Array:
-        """Return the twist of the tool now, shape (6,) [rad/s, m/s]."""
-        q, v = guard.position, guard.velocity
-        return np.concatenate((self._kinematics.J_omega(q) @ v, self._kinematics.J(q) @ v))
-
-    def _velocity(
-        self, t: float, guard: StreamGuard, here: tuple[Array, Array], ahead: tuple[Array, Array]
-    ) -> Array:
-        """Return the velocities that the law chooses, shape (n,) [rad/s]; see `follow_pose`."""
-        q, kinematics = guard.position, self._kinematics
-        step, reading, u = self._step, self._reading, self._step.u
-        u["position"][:], u["p_WE"][:] = q, kinematics.p_WE(q)
-        u["R_WE"][:], u["J"][:3], u["J"][3:] = (
-            kinematics.R_WE(q),
-            kinematics.J_omega(q),
-            kinematics.J(q),
-        )
-        u["R_WE_desired"][:], u["p_WE_desired"][:] = here
-        u["R_preview"][:], u["p_preview"][:] = ahead
-        if not self._has_begun:
-            step.x[:] = reading.initial_state(np.random.default_rng(0), u)
-            self._has_begun = True
-        step.x[:] = reading.resumed(step.x, q, guard.velocity, guard.acceleration)
-        step.make()
-        return np.array(reading.commanded_velocity(t, step.x))
-
-
-def _angle_between(R: Array, S: Array) -> float:
-    """Return the angle between two orientations [rad]."""
-    return float(np.arccos(np.clip(0.5 * (np.trace(R.T @ S) - 1.0), -1.0, 1.0)))

@@ -247,6 +247,70 @@ def test_steps_in_c_are_those_of_numpy():
     np.testing.assert_allclose(*motions, atol=1e-8)
 
 
+@pytest.fixture(scope="module")
+def far():
+    """Two arms that cannot reach each other."""
+    base = {**FACING, "translation": [2.6, 0.0, 0.0]}
+    return load_arm("panda", tool=None, pair={"arm": BARE, "base": base})
+
+
+def beside_a_table_that_rises(far, presses, compiled):
+    """Velocities, shape (k, 14), and how often what was wanted was not free; see the next test."""
+    p_WE = far.parts[0].kinematics().p_WE(far.home[:7])
+    table = {
+        "kind": "box",
+        "name": "table",
+        "speed": 0.26,
+        "error": 0.001,
+        "size": [0.4, 0.4, 0.05],
+    }
+    table["center"] = np.add(p_WE, [0.2, 0.0, -0.25]).tolist()
+    limits = far.limits.replace(velocity=1.0, acceleration=4.0, jerk=50.0)
+    settings = ShieldSettings(compiled=compiled)
+    both, v = shield(far, limits=limits, obstacles=[table], settings=settings), []
+    for t in PERIOD * np.arange(125):
+        if presses:
+            press = [0.5 * np.sin(4.0 * t), 0.7, 0.0, 0.5, 0.0, 0.5 * np.sin(3.0 * t), 0.0]
+            both["left"].follow_velocities(press)
+        wave = [np.cos(3.0 * t), 0.0, 0.0, 0.0, np.cos(4.0 * t), 0.0, np.sin(5.0 * t)]
+        both["right"].follow_velocities(0.9 * np.array(wave))
+        both.command(None, {"table": [0.0, 0.0, 0.1 * np.sin(2.5 * t)]})
+        v.append(both.velocity)
+    assert both.uncertified == 0
+    return np.array(v), both._guard.part("held_back").item()
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.long)])
+def test_an_arm_on_its_own_table_does_not_slow_the_other_one(far, compiled):
+    """The left one is pressed on a table that rises: it stops, the right one goes on as ever."""
+    v, held_back = beside_a_table_that_rises(far, True, compiled)
+    alone, never = beside_a_table_that_rises(far, False, compiled)
+    assert held_back > 10
+    assert never == 0
+    np.testing.assert_allclose(v[:, 7:], alone[:, 7:], atol=1e-9)
+    if compiled:
+        np.testing.assert_allclose(v, beside_a_table_that_rises(far, True, False)[0], atol=1e-6)
+
+
+def test_the_arm_whose_pairs_fail_is_slowed_and_of_both_the_one_that_yields_first():
+    sharing = shield()._guard._reading._within._sharing_of_arms
+    left, right = sharing.members
+    np.testing.assert_array_equal(sharing.certificate.groups.sum(axis=0), 1)
+    last, no = 6.0, np.zeros(2)
+
+    def steps(number, fails, compliance):
+        return sharing.steps(np.array(number), np.array(fails), compliance).tolist()
+
+    alike, yields = left + right, left + 0.03 * right
+    assert steps(no, [True, False, True], alike) == [1.0, 0.0]
+    assert steps(no, [False, False, True], alike) == [1.0, 1.0]
+    assert steps(no, [False, False, True], yields) == [1.0, 0.0]
+    assert steps([last, 0.0], [False, False, True], yields) == [0.0, 1.0]
+    # A stop that is late and not free cannot be mended; the other arm is to stop for it then.
+    assert steps([last, 0.0], [True, False, True], yields) == [0.0, 1.0]
+    assert steps([last, last], [True, True, True], yields) == [0.0, 0.0]
+
+
 def test_a_refused_call_for_both_arms_changes_nothing():
     both = shield()
     with pytest.raises(InvalidInputError, match="right: q: "):
@@ -351,3 +415,14 @@ def test_both_arms_go_on_from_where_they_were_pushed_and_one_alone_does_not():
         both["left"].resume(q[:7])
     with pytest.raises(InvalidInputError, match=r"q: is .* outside the position limits"):
         both.resume(q + 10.0)
+
+
+def test_each_arm_tells_of_its_own_joints_all_that_both_tell():
+    both = led()
+    q = both.command(0.0)
+    for name, block in (("left", slice(7)), ("right", slice(7, 14))):
+        side = both[name]
+        assert np.array_equal(side.newest.position, q[block])
+        assert np.array_equal(side.newest.stop(1).position, both.newest.stop(1).position[block])
+        assert (side.assumptions, side.overruns) == (both.assumptions, both.overruns)
+        assert (side.late_samples, side.late_stops, side.uncertified) == (0, 0, 0)

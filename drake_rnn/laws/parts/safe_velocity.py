@@ -20,6 +20,11 @@ for which there is no room. So before w_0 the same way is tried lifted: turned a
 are nearer than d_0, until it leads off each by a share of the steepest. What it gains is of first
 order, so that a small part of it is free.
 
+Two arms that follow sources of their own have a share each. The certificate then tells of pairs of
+one arm, of the other one and of both apart: an arm moves towards its w_0 where pairs of its own
+fail, and only where none do, and pairs of both fail, the arm that gives way more readily does. An
+arm on its w_0 is on the stop that was certified, so that of its own pairs no look is needed.
+
 With the jerk bounded the same holds of the next acceleration, and rows are of the velocity z that
 the program is solved for (`drake_rnn.laws.parts.bounded_velocity`).
 
@@ -229,6 +234,42 @@ class DistanceScans(NamedTuple):
         return either(self.are_few, lambda: function(self.few), lambda: function(self.every))
 
 
+class Sharing(NamedTuple):
+    """Which joints have a share of their way in common: all, or those of each of two arms.
+
+    Attributes:
+        certificate: What is asked of each group of pairs: of all, or of those of one arm, of the
+            other one, and of both.
+        members: 1 for each joint of an arm, shape (a, n).
+        moves: 1 for each arm that moves a group, shape (g, a).
+    """
+
+    certificate: Certificate
+    members: Array
+    moves: Array
+
+    def steps(self, number: Array, fails: Array, compliance: Array | None) -> Array:
+        """Return by how much the number of each arm's share grows, 0 or 1, shape (a,).
+
+        It grows if pairs of this arm alone fail. If none do, it grows of the arm that gives way
+        more readily, or of both alike, if pairs of both fail. After the last share it does not.
+
+        Args:
+            number: Numbers of the shares that were tried, shape (a,).
+            fails: Which groups fail, shape (g,).
+            compliance: See `drake_rnn.laws.guard.JointStreamReading`; None of all joints.
+        """
+        goes_on = number < _SHARES.size - 1.0
+        if compliance is None:
+            return 1.0 * (fails & goes_on)
+        own = fails[:2] & goes_on
+        readiness = functions_of(fails).where(
+            goes_on, (self.members * compliance).max(axis=1), -1.0
+        )
+        is_first = goes_on & (readiness >= readiness.max())
+        return 1.0 * (own | (fails[2] & ~own.any() & is_first))
+
+
 @dataclass(frozen=True, eq=False)
 class WithinClear:
     """Limits of the joints, and no collision.
@@ -369,7 +410,10 @@ class WithinClear:
         def lift(way: Array) -> Array:
             return either(looks, lambda: scan.of(lambda each: self._lift(way, each)), lambda: way)
 
-        v, own, counts = self._certify(choice, choice.variable_of(z), state, surroundings, lift)
+        ease = u.get("compliance")
+        v, own, counts = self._certify(
+            choice, choice.variable_of(z), state, surroundings, lift, ease
+        )
         nearer = sight.world.nearer(1.0)
         seen, gaps = either(
             looks,
@@ -460,7 +504,7 @@ class WithinClear:
             pairs = np.flatnonzero(rows.A @ z <= rows.c + _MET) % self.clearance.count
         chosen = choice.variable_of(z)
         if _differ(choice.apply(chosen)[0], v).any():
-            failures = self._certificate.failures(chosen, q, left, sight.stop, world)
+            failures = self._sharing_of_all.certificate.failures(chosen, q, left, sight.stop, world)
             pairs = np.concatenate((pairs, failures))
         return np.unique(pairs), is_moved
 
@@ -471,6 +515,7 @@ class WithinClear:
         state: State,
         surroundings: tuple[Any, ...],
         lift: Callable[[Array], Array],
+        compliance: Array | None,
     ) -> tuple[Array, State, State]:
         """Return the next velocity, its parts of the next state, and what is counted.
 
@@ -480,43 +525,55 @@ class WithinClear:
             state: The parts of the state.
             surroundings: What the certificate is asked with.
             lift: Returns a way from the stop's first u, lifted off what is near.
+            compliance: See `drake_rnn.laws.guard.JointStreamReading`; None for shares of all.
         """
         xp, first = functions_of(u), choice.first
-        delay, tried = state["stop_delay"], 0
+        sharing = self._sharing_of_all if compliance is None else self._sharing_of_arms
+        members, delay = sharing.members, state["stop_delay"]
+        number, tried = np.zeros(len(members)), 0
+
+        def is_given(u: Array) -> Any:
+            return xp.reshape(xp.asarray(sharing.certificate.is_given(u, *surroundings)), -1)
+
         if isinstance(u, np.ndarray):
             # The first try, which mostly is the last; what follows would do the same.
-            if self._certificate.is_given(u, *surroundings):
+            given = is_given(u)
+            if given.all():
                 v, own = choice.apply(u)
                 counts = {name: state[name] for name in ("held_back", "uncertified")}
                 return v, own, counts | {"stop_delay": 0.0 * delay}
-            tried = 1
+            number, tried = number + sharing.steps(number, ~given, compliance), 1
         # A stop that was certified, and is not too late, needs no look.
         is_late = delay > self.tolerance + _SOON
-        is_given, numbers = self._certificate.is_given, np.arange(_SHARES.size)
-
-        def lifted(way: Array) -> Array:
-            return choice.clip(first + lift(way)) - first
 
         def attempt(parts: Parts) -> Parts:
             number, way = parts[0], parts[1]
-            way = either((number == _LIFTED).any(), lambda: lifted(way), lambda: way)
-            share = ((numbers == number) * _SHARES).sum()
+            shares = ((np.arange(_SHARES.size) == number[:, None]) * _SHARES).sum(axis=1)
+            share = shares @ members
             x = first + share * way
-            x = xp.where(number == 0.0, u, xp.where(share == 0.0, first, x))
-            is_looked_at = ((share > 0.0) | is_late).any()
-            free = either(
-                is_looked_at, lambda: is_given(x, *surroundings), lambda: (share < 0.0).any()
-            )
-            is_free = xp.reshape(1.0 * free, (1,)) > 0.0
-            return number + 1.0, way, x, is_free, is_free
+            x = xp.where(number @ members == 0.0, u, xp.where(share == 0.0, first, x))
+            is_looked_at = (sharing.moves @ (1.0 * (shares > 0.0)) > 0.0) | is_late
+            given = either(is_looked_at.any(), lambda: is_given(x), lambda: is_looked_at)
+            steps = sharing.steps(number, is_looked_at & ~given, compliance)
+            number = number + steps
+            lifts = (steps * (number == _LIFTED)) @ members > 0.0
+
+            def lifted() -> Array:
+                return xp.where(lifts, choice.clip(first + lift(way)) - first, way)
+
+            way = either(lifts.any(), lifted, lambda: way)
+            is_certain = (is_looked_at & given).all()
+            return number, way, x, xp.reshape(is_certain, (1,)), steps == 0.0
 
         none = 0.0 * delay
-        start = (none + tried, u - first, u, none > 0.0, none > 0.0)
-        number, _, u, is_certain, _ = repeat(attempt, start, _SHARES.size - tried)
+        start = (none + number, u - first, u, none > 0.0, none + number < 0.0)
+        most = len(members) * (_SHARES.size - 1) + 1 - tried
+        number, _, u, is_certain, _ = repeat(attempt, start, most)
         v, own = choice.apply(u)
         is_uncertain = ~is_certain & is_late & (v != 0.0).any()
+        is_slowed = (number > 0.0).any()
         counts = {
-            "held_back": state["held_back"] + 1.0 * (number > 1.0),
+            "held_back": state["held_back"] + 1.0 * is_slowed,
             "stop_delay": xp.where(is_certain, 0.0, delay),
             "uncertified": state["uncertified"] + 1.0 * is_uncertain,
         }
@@ -563,8 +620,18 @@ class WithinClear:
         return ObstacleTracks(self.clearance.solids)
 
     @cached_property
-    def _certificate(self) -> Certificate:
-        return Certificate(self.clearance, self.avoidance.floor)
+    def _sharing_of_all(self) -> Sharing:
+        certificate = Certificate(self.clearance, self.avoidance.floor)
+        return Sharing(certificate, np.ones((1, self.within.limits.size)), np.ones((1, 1)))
+
+    @cached_property
+    def _sharing_of_arms(self) -> Sharing:
+        n, begin = self.within.limits.size, self.clearance.arm.poses.begins[1]
+        members = np.stack((np.arange(n) < begin, np.arange(n) >= begin))
+        one, other = (self._reaches @ members.T).T > 0.0
+        groups = np.stack((one & ~other, other & ~one, one == other))
+        certificate = Certificate(self.clearance, self.avoidance.floor, groups)
+        return Sharing(certificate, 1.0 * members, np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]))
 
     @cached_property
     def _reaches(self) -> Array:

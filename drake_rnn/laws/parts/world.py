@@ -450,10 +450,13 @@ class Certificate:
     Attributes:
         clearance: The pairs.
         floor: The least distance [m].
+        groups: Which pairs belong to each group that it tells of, shape (g, p); None to tell of all
+            pairs together.
     """
 
     clearance: Clearance
     floor: float
+    groups: Flags | None = None
 
     def is_given(
         self,
@@ -465,6 +468,8 @@ class Certificate:
         world: World,
     ) -> Any:
         """Return whether all can do u for a period and then stop, always free.
+
+        It is told of all pairs, or of each group of them, shape (g,).
 
         Args:
             u: What is begun with, see `drake_rnn.laws.parts.bounded_velocity.Choice`, shape (n,).
@@ -480,14 +485,31 @@ class Certificate:
         # What is not a number is not sure.
         doubtful = ~(least >= self.floor)
 
-        def is_free() -> Any:
-            return either(
-                self._is_free_beside(u, q, along, doubtful, samples, stop, world),
-                lambda: True & (samples >= 0.0),
-                lambda: self._is_free_along(u, q, doubtful, samples, stop, world),
-            )
+        def sure() -> Any:
+            return self.each(samples >= 0.0)
 
-        return either(doubtful.any(), is_free, lambda: samples >= 0.0)
+        def is_free() -> Any:
+            beside = self._is_free_beside(u, q, along, doubtful, samples, stop, world)
+
+            def is_free_along() -> Any:
+                return beside | self._is_free_along(u, q, doubtful, samples, stop, world)
+
+            return either(beside.all(), sure, is_free_along)
+
+        return either(doubtful.any(), is_free, sure)
+
+    def each(self, flag: Any) -> Any:
+        """Return a flag as that of all pairs, or of each group."""
+        if self.groups is None:
+            return flag
+        return functions_of(flag).zeros(len(self.groups), dtype=bool) | flag
+
+    def _all(self, flags: Flags, pairs: Indices | slice = _ALL) -> Any:
+        """Return whether all flags of pairs are set, shape (..., r), or those of each group."""
+        if self.groups is None:
+            return flags.all()
+        is_other = ~entries(self.groups.T, pairs)
+        return (flags.reshape(-1, flags.shape[-1]).all(axis=0)[:, None] | is_other).all(axis=0)
 
     def failures(
         self, u: Array, q: Array, left: Array, stop: Stop | BothStop, world: World
@@ -520,7 +542,7 @@ class Certificate:
     ) -> Any:
         """Return whether what was seen along a motion tells that pairs stay free on this one."""
         if along is None:
-            return False
+            return self.each(np.bool_(False))
         return along.of(lambda each: self._is_free_by(u, q, each, doubtful, samples, stop, world))
 
     def _is_free_by(
@@ -535,10 +557,10 @@ class Certificate:
     ) -> Any:
         """Return what `_is_free_beside` does, by what was seen of some pairs or of all."""
         if len(along.k) < 2:
-            return False
-        seen_all = ~(doubtful & ~along.flags).any()
-        if isinstance(doubtful, np.ndarray) and not seen_all:
-            return False
+            return self.each(np.bool_(False))
+        seen_all = self._all(~doubtful | along.flags)
+        if isinstance(doubtful, np.ndarray) and not seen_all.any():
+            return seen_all
         pairs: Any = _ALL
         gaps, counts = along.gaps, doubtful
         if along.places is not None:
@@ -555,7 +577,7 @@ class Certificate:
         least = gaps - off - world.nearer(k - along.k, pairs)
         nearer = (way[1:] - way[:-1]) @ reaches
         sure = self._by_way(least, nearer + world.nearer(k[1:] - k[:-1], pairs))
-        return seen_all & (sure | ~counts).all()
+        return seen_all & self._all(sure | ~counts, pairs)
 
     def _is_free_along(
         self,
@@ -602,14 +624,15 @@ class Certificate:
         # Where it is now it was certified to be free, but for rounding or what has moved up to an
         # arm at rest: from there a motion that brings it no nearer is free.
         level = functions_of(gaps).minimum(self.floor, gaps[0])
-        ends = ((gaps[1:] >= level) | ~counts).all()
+        ends = self._all((gaps[1:] >= level) | ~counts, pairs)
 
         def by_planes() -> Any:
             reaches = entries(self.clearance.reaches, pairs)
             off = self._deviation(way, k, stop, world) @ reaches.T
-            return (by_way | (planes_between(bend, nearer) - off >= level)).all()
+            return self._all(by_way | (planes_between(bend, nearer) - off >= level), pairs)
 
-        return ends & either(ends & ~by_way.all(), by_planes, lambda: ends)
+        is_open = (ends & ~self._all(by_way, pairs)).any()
+        return ends & either(is_open, by_planes, lambda: ends)
 
     def _by_way(self, gaps: Array, nearer: Array) -> Flags:
         """Return whether pairs stay free in each piece, by how much nearer they can come in it.

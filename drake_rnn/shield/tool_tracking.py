@@ -9,6 +9,7 @@ from ..inputs.fields import Array
 from ..laws import Adaptive
 from ..laws.guard import StreamGuard
 from ..laws.parts.jacobian import LEVER
+from ..laws.parts.reach_edge import out_of_reach
 from ..robot.arm import Arm
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
@@ -19,9 +20,6 @@ from .twist_lead import Feedback, TwistLead
 OFF, TURNED = 0.01, 0.03
 #: A tool that is nearer than this is at its pose [m].
 AT = 1e-3
-# What a radian must bring the tool nearer, or else it cannot come nearer [m]; and how near to its
-# position limit a joint counts as at its end [rad].
-_NEARER, _END = 0.05, 0.02
 # Deceleration and largest speed with which a tool joins poses [m/s^2, m/s].
 _BRAKING, _JOINING = 1.0, 0.5
 # Time without progress after which the tool wants less speed [s]: to a pose it may first go astray.
@@ -126,14 +124,7 @@ class ToolTracking:
         u, limits = self._step.u, self._limits
         turn = rotation_error(u["R_WE"], u["R_WE_desired"])
         error = _LENGTHS * np.concatenate((turn, u["p_WE_desired"] - u["p_WE"]))
-        size = float(np.linalg.norm(error))
-        if size < AT:
-            return None
-        nearer, q = error @ (_LENGTHS[:, None] * u["J"]) / size, u["position"]
-        at_end = np.where(nearer > 0.0, limits.position_upper - q, q - limits.position_lower) < _END
-        if np.linalg.norm(nearer[~at_end]) > _NEARER:
-            return None
-        return tuple(np.flatnonzero(at_end & (np.abs(nearer) > _NEARER)).tolist())
+        return out_of_reach(_LENGTHS[:, None] * u["J"], error, u["position"], limits)
 
     def _wanted(self) -> Array:
         """Return the task velocity that the law wants, of rows that are lengths, (6,) [m/s]."""

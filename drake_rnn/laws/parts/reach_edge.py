@@ -193,6 +193,9 @@ _TURNS, _SHORT = 2.0, 0.01
 _FLAT, _FARTHEST, _FOUND, _TRIES, _OUT = 2e-3, 0.5, 1e-7, 40, 1e-3
 # Way before a position limit in which a joint counts as one at it [rad].
 _END = 1e-3
+# What a radian must bring the task nearer, or else it cannot come nearer [m]; and how near to its
+# position limit a joint then counts as at its end [rad].
+_NEARER, _AT_END = 0.05, 0.02
 # Factors of the speeds that acceleration and jerk allow to a posture that stays where it is.
 _FIXED = (1.8, 0.7)
 # Task velocity of a target that rests [m/s, rad/s].
@@ -692,6 +695,25 @@ class RestPosture:
     def resumed(self, state: State) -> State:
         """Return its parts of the state after a pause: the posture is sought again."""
         return {"leads": 0.0 * state["leads"]} if self.size else {}
+
+
+def out_of_reach(J: Array, error: Array, q: Array, limits: JointLimits) -> tuple[int, ...] | None:
+    """Return the joints at their ends without which no motion reduces an error; None if one does.
+
+    Args:
+        J: Jacobian of the task, of rows that are lengths, shape (m, n) [m].
+        error: Error of these rows, shape (m,) [m].
+        q: Joint positions, shape (n,) [rad].
+        limits: Limits of the joints.
+    """
+    size = float(np.linalg.norm(error))
+    if size < _OUT:
+        return None
+    nearer = error @ J / size
+    at_end = np.where(nearer > 0.0, limits.position_upper - q, q - limits.position_lower) < _AT_END
+    if np.linalg.norm(nearer[~at_end]) > _NEARER:
+        return None
+    return tuple(np.flatnonzero(at_end & (np.abs(nearer) > _NEARER)).tolist())
 
 
 def bend(J: Array, pull: Array) -> Array:

@@ -206,6 +206,7 @@ from .runs import (
 )
 from .runs.limit_use import Fastest as Fastest, fastest as fastest
 from .shield.arms import DualArmShield as DualArmShield
+from .shield.pose_filter import PoseFilter as PoseFilter
 from .shield.process import Shield as Shield
 from .shield.shield import ShieldSettings as ShieldSettings, ShieldStatus as ShieldStatus
 from .systems import (

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, filterwarnings
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
@@ -19,6 +21,7 @@ from rich.table import Table
 from ..errors import InvalidInputError
 from ..experiment import Experiment, make_experiment, read_document
 from ..experiment.components import Arms
+from ..experiment.files import set_key
 from ..inputs.documents import construct
 from ..inputs.fields import Array, is_vector
 from ..inputs.messages import plural
@@ -133,6 +136,9 @@ def shield(args: Shield) -> None:
         counts = None if stream.counts is None else asdict(stream.counts)
         promises = [each.contents for each in result.promises]
         told = {**asdict(report), "promises": promises, "shield": summary, "counts": counts}
+        told["dropped_poses"] = [
+            {**pose._asdict(), "X_WE": pose.X_WE.tolist()} for pose in stream.record.dropped
+        ]
         with written_whole(folder / REPORT) as file:
             file.write(json.dumps(told, indent=1) + "\n")
         out.print(escape(f"stream    {folder / REPORT}"), soft_wrap=True)
@@ -170,7 +176,10 @@ def _drag(args: Shield) -> None:
 def _own_changes(texts: list[str] | None) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the changes of a shield's settings, and those of the document."""
     every = changes_of(texts)
-    own = {key.removeprefix(_OWN): each for key, each in every.items() if key.startswith(_OWN)}
+    own = dict[str, Any]()
+    for key, each in every.items():
+        if key.startswith(_OWN):
+            set_key(own, key.removeprefix(_OWN), each)
     return own, {key: each for key, each in every.items() if not key.startswith(_OWN)}
 
 
@@ -469,8 +478,12 @@ def _shielded(
         obstacles=list(base.document.obstacles or []),
         collisions=base.clearance is not None,
     )
-    record, leading = _play(follower, RecordedSource(calls, source), base)
-    counts, dropped = follower.counts, _dropped(follower.counts, settings.stale)
+    with catch_warnings():
+        # They are told below, all together.
+        filterwarnings("ignore", "X_WE: ")
+        record, leading = _play(follower, RecordedSource(calls, source), base)
+    counts = follower.counts
+    dropped = [*_dropped(counts, settings.stale), *_dropped_poses(record, counts)]
     if dropped and not np.isfinite(leading).any():
         raise InvalidInputError(f"targets: none can be followed: {'; '.join(dropped)}")
     _write(file, base.arm.joints, record.time, leading)
@@ -491,6 +504,20 @@ def _dropped(counts: Counts, stale: float) -> list[str]:
     }
     messages = plural(counts.chunks, "message")
     return [f"{count} of {messages} {text}" for text, count in reasons.items() if count]
+
+
+def _dropped_poses(record: ShieldRecord, counts: Counts) -> list[str]:
+    """Return what a filter has dropped of poses, and why."""
+    texts, reasons = list[str](), Counter(pose.reason for pose in record.dropped)
+    for reason, count in reasons.items():
+        first = next(pose for pose in record.dropped if pose.reason == reason)
+        name = reason.replace("_", " ")
+        texts.append(
+            f"{plural(count, 'pose')} {name}, the first at {first.time:.4g} s: {first.text}"
+        )
+    if counts.losses:
+        texts.append(f"tracking was lost {plural(counts.losses, 'time')}")
+    return texts
 
 
 def _play(

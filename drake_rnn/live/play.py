@@ -40,7 +40,7 @@ from ..shield.process import Shield
 from ..shield.report import AHEAD, WANTED, ShieldRecord, look_ahead, points_ahead, series_of
 from ..signals import DESIRED_POSITION
 from .controls import Button, Control
-from .hands import OBSTACLE
+from .hands import OBSTACLE, TARGET
 from .segment import Readout
 from .serving import Content, Lease, Server
 from .session import LONGEST, SLICE, Recording, Reply, Session
@@ -159,8 +159,8 @@ _POINTS = 400
 _REACHED, _DAMPING = 0.1, 1e-4
 # How far above a surface what is on it is drawn [m].
 _ABOVE = 8e-4
-# What takes a while to find is shown with each so many samples.
-_SELDOM = 3
+# What takes a while to find is shown with each so many samples; what lasts, after so many times.
+_SELDOM, _LASTS = 3, 3
 #: Where numbers come in the scene, and the property that holds them.
 SAMPLE = ("/live", "sample")
 
@@ -187,6 +187,8 @@ class LiveScene:
     def __init__(self, experiment: Experiment, host: str, source: Source | None = None) -> None:
         run = _ideal_run(experiment)
         self._source, self._shown = source, 0
+        # What a source's way leads into, and for how many looks there was something to remark.
+        self._ahead, self._remarked = "", 0
         self._record = record = None if source is None else source()
         motion = replayed_motion(run if record is None else _with_source(run, record))
         self._scene = make_scene(replace(motion, ends=not experiment.desired.closed))
@@ -258,7 +260,10 @@ class LiveScene:
             X = pose_of(experiment.obstacles[number])
             at = X.translation() + p_WO
             live.SetTransform(f"/obstacles/{number}", RigidTransform(X.rotation(), at))
+        self._shown += 1
         self._show_wanted(session)
+        if self._shown % _SELDOM == 1:
+            self._show_said(session)
         live.SetProperty(*SAMPLE, [*sample, *tool, *path])
 
     def desired(self, experiment: Experiment, t: float) -> Array:
@@ -283,7 +288,6 @@ class LiveScene:
         arm, t = self._scene.drawn, session.local_time
         for place, X_WB in arm.target_poses(record.wanted_at(t)).items():
             live.SetTransform(place, X_WB)
-        self._shown += 1
         if self._shown % _SELDOM != 1:
             return
         experiment = session.experiment
@@ -296,13 +300,12 @@ class LiveScene:
                 live.SetTransform(place, RigidTransform(point))
                 colour = colours.BROKEN if broken else colours.TARGET
                 live.SetProperty(place, "color", [*colours.components(colour), 1.0])
-        self._show_held(session, f"the source: {ahead.first}" if ahead.first else "")
+        self._ahead = f"the source: {ahead.first}" if ahead.first else ""
 
-    def _show_held(self, session: Session | ShieldSession, ahead: str) -> None:
-        """Mark what holds the arm back, and say it, and what is ahead."""
+    def _show_said(self, session: Session | ShieldSession) -> None:
+        """Mark what holds the arm back, and say it, what is ahead, and what lasts."""
         wanted, step, said = self._wanted, session.last_step, list[str]()
-        assert wanted is not None
-        if step is not None:
+        if wanted is not None and self._record is not None and step is not None:
             clearance, causes = session.experiment.clearance, step.causes
             names = () if clearance is None else clearance.names
             near = [names[k] for k in causes.pairs.tolist()]
@@ -310,7 +313,10 @@ class LiveScene:
             for place, is_marked in wanted.marks(causes.limits, pairs).items():
                 self._live.SetProperty(place, "visible", is_marked)
             said.append(restraint_text(causes.limits, pairs, wanted.pair_names))
-        text = ". ".join(each for each in (*said, ahead) if each)
+        remark = session.remark()
+        self._remarked = self._remarked + 1 if remark else 0
+        said.append(remark if self._remarked > _LASTS else "")
+        text = ". ".join(each for each in (*said, self._ahead) if each)
         # Meshcat's properties are numbers.
         self._live.SetProperty(SAMPLE[0], "said", [float(ord(letter)) for letter in text] or [32.0])
 
@@ -526,7 +532,10 @@ class Play:
     def _listen(self) -> None:
         for name, value in self._lease.take_all().items():
             reply = self._save_recording() if name == _SAVE else self._session.set(name, value)
-            if reply.text or not name.startswith(("target", "obstacle")):
+            is_dragged = name.startswith(("target", "obstacle"))
+            # What the target did before it was dragged is no longer so.
+            is_over = name == TARGET and self._told.data["reply"]["text"].startswith("the target")
+            if reply.text or is_over or not is_dragged:
                 self._tell(reply)
         self._recorded = self._is_recording
 

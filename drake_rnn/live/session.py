@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import Any
@@ -21,9 +21,13 @@ from ..inputs.fields import Array
 from ..inputs.messages import fields_of
 from ..laws import Law
 from ..laws.guard import JointStreamReading, LastStep
+from ..laws.parts.jacobian import LEVER
+from ..laws.parts.reach_edge import bend, out_of_reach
 from ..measures import Steps
 from ..paths import Waypoints
 from ..robot.kinematics import ArmKinematics
+from ..robot.limits import JointLimits
+from ..robot.rotation import rotation_error
 from ..runs.evaluation import Evaluation
 from ..runs.result import Result
 from .controls import (
@@ -200,6 +204,8 @@ def _describe(section: dict[str, Any], law: Law) -> dict[str, Any]:
 
 #: Time that is simulated at once, between which controls are set [s].
 SLICE = 0.02
+# Curvature of the error by which a posture is a saddle, as a share of the error.
+_SADDLE = 0.05
 # For how long what was written of motions is kept [s].
 _KEEP_TIME = 1.0
 # Highest and lowest force over the document's.
@@ -232,6 +238,44 @@ class Reply:
     text: str = ""
     refused: bool = False
     notice: str = ""
+
+
+def reach_text(
+    arm: ArmKinematics,
+    limits: JointLimits,
+    q: Array,
+    p_WE: Array,
+    R_WE: Array | None,
+    axes: Sequence[int] = (0, 1, 2),
+) -> str:
+    """Return how far off a target is that no motion of the joints brings nearer; else nothing.
+
+    Args:
+        arm: Kinematics of the arm.
+        limits: Limits of the joints.
+        q: Joint positions, shape (n,) [rad].
+        p_WE: Position of the target, shape (3,) [m].
+        R_WE: Orientation of it, shape (3, 3); None if it does not count.
+        axes: Axes along which the position counts.
+    """
+    J_pose, counts, turn = np.vstack((arm.J_omega(q), arm.J(q))), np.zeros(6), np.zeros(3)
+    counts[3 + np.array(axes)] = 1.0
+    if R_WE is not None:
+        counts[:3], turn = LEVER, rotation_error(arm.R_WE(q), R_WE)
+    error, J = counts * np.concatenate((turn, p_WE - arm.p_WE(q))), counts[:, None] * J_pose
+    ends = out_of_reach(J, error, q, limits)
+    if ends is None:
+        return ""
+    free = np.setdiff1d(np.arange(q.size), ends)
+    # Where the arm is straight and the target behind it, it is a saddle, which the arm leaves.
+    curvature = (J.T @ J - bend(J_pose, counts * error))[np.ix_(free, free)]
+    if np.linalg.eigvalsh(curvature).min(initial=0.0) < -_SADDLE * np.linalg.norm(error):
+        return ""
+    away = f"{np.linalg.norm(error[3:]):.2g} m"
+    if not ends:
+        return f"target out of reach: {away} beyond"
+    names = ", ".join(str(k + 1) for k in ends)
+    return f"target {away} off: {'joints' if len(ends) > 1 else 'joint'} {names} at the limit"
 
 
 class Session:
@@ -405,6 +449,16 @@ class Session:
         body = loop.arm.GetMyContextFromRoot(self._segment.root)
         force: Array = loop.arm.GetOutputPort("contact_force").Eval(body)
         return force
+
+    def remark(self) -> str:
+        """Return that the target is out of reach, where it is; else nothing."""
+        experiment, arm = self.experiment, self.kinematics
+        if not experiment.law.follows_position or experiment.contact is not None:
+            return ""
+        t, desired = self.local_time, experiment.desired
+        R = desired.orientation(t)[0] if experiment.holds_orientation else None
+        axes, limits = list(experiment.task.axes), experiment.limits
+        return reach_text(arm, limits, self.position(), desired.position(t)[0], R, axes)
 
     def controls(self) -> Mapping[str, Control]:
         """Return what may be set now, by name."""

@@ -31,7 +31,7 @@ from ..shield.report import ShieldRecord, joint_step
 from .controls import Button, Choice, Control, Handle, Slider, Switch, read_message
 from .hands import TARGET, Hands
 from .segment import DERIVATIVES, Readout, readouts_of
-from .session import SLICE, Reply
+from .session import SLICE, Reply, reach_text
 
 # What the arm is called in the document that is drawn.
 _ARM = "of a shield"
@@ -190,6 +190,19 @@ class ShieldSession:
             numbers["distance"] = float(gaps.min(initial=np.inf))
         return numbers
 
+    def remark(self) -> str:
+        """Return what keeps an arm from what is wanted that no limit or pair tells."""
+        status = self.shield.status
+        every = status if isinstance(status, dict) else {"": status}
+        said = []
+        for name, each in every.items():
+            prefix = f"{name}: " if name else ""
+            if "reach" in each.limited_by:
+                said.append(f"{prefix}target out of reach")
+            if each.tracking == "lost":
+                said.append(f"{prefix}tracking lost")
+        return ". ".join(said)
+
     def advance(self) -> None:
         """Do nothing: the loop goes on by itself."""
 
@@ -285,6 +298,11 @@ class DraggedShield(ShieldSession):
             self.failure = str(error)
             self._controls["pause"] = self._controls["pause"].set(True)
         self.hands.forget(self._count * h - 1.0)
+
+    def remark(self) -> str:
+        """See `ShieldSession.remark`; whatever a chunk consists of, it is the tool that is led."""
+        q, limits = self.shield.position, self.shield.limits
+        return reach_text(self.kinematics, limits, q, self._goal, self._R_WE)
 
     def _command(self, t: float) -> None:
         """Send what is due, and make a command."""

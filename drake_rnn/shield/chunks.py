@@ -113,6 +113,13 @@ class Counts:
             followed when it is time.
         lost: Chunks that a process of its own did not come to see, because others came at once.
         refused: Chunks of other programs that such a process had to refuse.
+        jumped: Poses too far from the last one; this and the following are of a filter, see
+            `drake_rnn.shield.pose_filter.PoseFilter`.
+        unconfirmed: Poses after tracking was lost, until they agreed for long enough.
+        frozen: Poses that were the same for too long.
+        not_unit: Poses whose quaternion is not of length 1.
+        far: Poses that are no place of the tool.
+        losses: How often tracking was lost.
     """
 
     chunks: int = 0
@@ -124,6 +131,12 @@ class Counts:
     early: int = 0
     lost: int = 0
     refused: int = 0
+    jumped: int = 0
+    unconfirmed: int = 0
+    frozen: int = 0
+    not_unit: int = 0
+    far: int = 0
+    losses: int = 0
 
 
 @dataclass

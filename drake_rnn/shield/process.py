@@ -38,6 +38,7 @@ from ..robot.arm import Arm
 from ..robot.clearance.capsules import Displacements
 from ..robot.limits import JointLimits
 from .chunks import NAMES, Chunk, Counts, Kind, Timing, read_chunk
+from .pose_filter import STATES
 from .report import Sample, ShieldRecord, record_of
 from .shield import ShieldSettings, ShieldStatus, StreamShield
 
@@ -59,8 +60,12 @@ _PAIRS = 4
 _AT_ONCE = 2
 # Share of a limit at which it counts as reached.
 _AT_LIMIT = 1.0 - 1e-6
-# Place of the counts in the status.
+# Place of the counts in the status; the names of those there, and of those of a filter of poses.
 _COUNTS = 8 + len(LIMITS)
+_NAMES = [each.name for each in fields(Counts)]
+_OF_CHUNKS, _OF_POSES = _NAMES[:9], _NAMES[9:]
+# Place of the pairs that block the arm in `ShieldMemory.inner`.
+_BLOCKING = 4 + len(_OF_POSES)
 
 
 @dataclass(frozen=True)
@@ -104,14 +109,15 @@ class ShieldMemory(CommandMemory):
     Attributes:
         status: Number of the command that it belongs to; ``behind``, ``off_path``, ``delay``,
             ``blocked_for``; late stops, late samples, samples without a certified stop; joints at
-            each of `LIMITS`, by bits; and the numbers of `Counts`. It is written once a command was
-            sent.
+            each of `LIMITS`, by bits; and the first numbers of `Counts`. It is written once a
+            command was sent.
         places: A number, and how far obstacles have gone.
         refusal: How many chunks were refused, and why the last one was.
         chunks: The ring: number, time sent, clock, kind, rows, and these, each a time and a target.
         names: `ShieldSizes.text`, written once before the first command.
         inner: What this package alone reads: overruns, commands withdrawn, the number of the last
-            chunk that the arm has arrived at, pairs that block it, joint velocities that are
+            chunk that the arm has arrived at, the place of what is told of tracking among `STATES`,
+            the other numbers of `Counts`, pairs that block the arm, joint velocities that are
             wanted, the last target, and the state of the law before and after.
         way: Likewise, at most every 0.03 s: time, kind, rows, joint positions that are wanted, and
             what is left of the way then, of at most `ROWS` rows; 0 rows without one.
@@ -131,10 +137,10 @@ class ShieldMemory(CommandMemory):
     @staticmethod
     def records(sizes: ShieldSizes) -> list[str]:
         """Return the fields of its records behind the commands, in the format of `struct`."""
-        n, counts = sizes.joints, len(fields(Counts))
+        n, counts = sizes.joints, len(_OF_CHUNKS)
         status = f"Q4d{3 + len(LIMITS) + counts}Q"
         chunk = f"QdQQQ{8 * ROWS * sizes.columns}s"
-        inner = f"{3 + _PAIRS + 2 * n + 2 * sizes.state}d"
+        inner = f"{_BLOCKING + _PAIRS + 2 * n + 2 * sizes.state}d"
         places, refusal = f"Q{3 * sizes.obstacles}d", f"Q{_REASON}s"
         way = f"dQQ{n}d{8 * ROWS * sizes.columns}s"
         names = f"{len(sizes.text)}s"
@@ -340,7 +346,9 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
     @property
     def counts(self) -> Counts:
         """See `StreamShield.counts`."""
-        return super().counts if self._process is None else Counts(*self._status()[_COUNTS:])
+        if self._process is None:
+            return super().counts
+        return Counts(*self._status()[_COUNTS:], *map(int, self._inner()[4:_BLOCKING]))
 
     @property
     def uncertified(self) -> int:
@@ -391,9 +399,9 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         if self._process is None:
             return super().status
         _, behind, off_path, delay, blocked, *_ = self._status()
-        silent, arrived = self.latest().target_age, int(self._inner()[2])
-        at_work = self._limits_at_work()
-        return ShieldStatus(behind, off_path, delay, at_work, blocked, silent, arrived)
+        silent, (_, _, arrived, state, *_) = self.latest().target_age, self._inner()
+        told = self._limits_at_work(), blocked, silent, int(arrived)
+        return ShieldStatus(behind, off_path, delay, *told, tracking=STATES[int(state)])
 
     @property
     def time(self) -> float:
@@ -405,7 +413,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         """See `StreamShield.last_step`."""
         if self._process is not None:
             # Of the state of the shield in the process, so as to tell what is at work there.
-            n, inner = self.arm.n, np.array(self._inner()[3 + _PAIRS :])
+            n, inner = self.arm.n, np.array(self._inner()[_BLOCKING + _PAIRS :])
             self._wanted, target = inner[: 2 * n].reshape(2, n)
             before, after = inner[2 * n :].reshape(2, -1)
             places = self._process.memory.places.read() if self._guard.moving else None
@@ -461,7 +469,8 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
     def _pairs_of_blockage(self) -> tuple[int, ...]:
         if self._process is None:
             return super()._pairs_of_blockage()
-        return tuple(int(number) for number in self._inner()[3 : 3 + _PAIRS] if number >= 0.0)
+        pairs = self._inner()[_BLOCKING : _BLOCKING + _PAIRS]
+        return tuple(int(number) for number in pairs if number >= 0.0)
 
     def _reach_limits(self) -> tuple[str, ...]:
         if self._process is None:
@@ -644,12 +653,14 @@ class _ServedShield(StreamShield):
         ]
         step = guard.last_step
         inner = self._wanted, step.u["target"], step.x, guard.state
-        told = self._times.overruns, self._writer.withdrawn, self._arrived
-        memory.inner.write(
-            *told, *_padded(self._pairs_of_blockage()), *np.concatenate(inner).tolist()
-        )
+        counts, tracking = vars(self.counts), self._tracking
+        state = 0 if tracking is None else STATES.index(tracking.state)
+        told = self._times.overruns, self._writer.withdrawn, self._arrived, state
+        of_poses = (counts[name] for name in _OF_POSES)
+        pairs = _padded(self._pairs_of_blockage())
+        memory.inner.write(*told, *of_poses, *pairs, *np.concatenate(inner).tolist())
         late = guard.late_stops, guard.late_samples
-        words = *late, self.uncertified, *masks, *vars(self.counts).values()
+        words = *late, self.uncertified, *masks, *(counts[name] for name in _OF_CHUNKS)
         memory.status.write(self._number, self._error, *self._lag(), self._blockage.time, *words)
         if self.time - self._way_told >= _WAY_TOLD:
             self._way_told, t = self.time, self.time

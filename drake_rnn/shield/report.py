@@ -82,6 +82,22 @@ def interventions_of(
     return (*limits, *dict.fromkeys(PairInTheWay(*pairs[k]) for k in causes.pairs.tolist()))
 
 
+class DroppedPose(NamedTuple):
+    """A pose that a filter has dropped, see `drake_rnn.shield.pose_filter.PoseFilter`.
+
+    Attributes:
+        time: Its time [s].
+        reason: The number of `drake_rnn.shield.chunks.Counts` that it counts as.
+        text: The reason in words.
+        X_WE: The pose, shape (7,).
+    """
+
+    time: float
+    reason: str
+    text: str
+    X_WE: Array
+
+
 @dataclass(frozen=True, eq=False)
 class ShieldRecord:
     """What a source wanted, what a shield commanded and what intervened, command by command.
@@ -104,6 +120,7 @@ class ShieldRecord:
         pair_names: Names of these pairs, of which no two are the same.
         ways: Times at which the way that is followed has changed [s], what its targets are, and the
             way from then on.
+        dropped: Poses that a filter has dropped.
     """
 
     time: Array
@@ -118,6 +135,7 @@ class ShieldRecord:
     joints: tuple[str, ...]
     pair_names: tuple[tuple[str, str], ...]
     ways: tuple[tuple[float, Kind, Chunk], ...] = ()
+    dropped: tuple[DroppedPose, ...] = ()
 
     @property
     def deviation(self) -> Array:

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from math import isfinite
 from time import perf_counter
@@ -73,6 +74,7 @@ from .chunks import (
 )
 from .chunks import Kind as Kind
 from .guarded_commands import GuardedCommands
+from .pose_filter import PoseFilter, Tracking, unit_poses
 from .pursuit import Pursuit, WayPursuit
 from .report import (
     Sample,
@@ -137,6 +139,8 @@ class ShieldStatus(NamedTuple):
             `StreamShield.follow` has returned it; 0 before one.
         limits_pending: Whether limits that were changed wait until they accept the motion of the
             arm, which stops meanwhile.
+        tracking: What `ShieldSettings.poses` says: ``tracked``, ``lost``, or why the newest pose
+            was dropped, by the names in `Counts`; empty without it, and before poses.
     """
 
     behind: float
@@ -147,6 +151,7 @@ class ShieldStatus(NamedTuple):
     silent_for: float
     arrived: int = 0
     limits_pending: bool = False
+    tracking: str = ""
 
 
 @validated
@@ -184,6 +189,13 @@ class ShieldSettings:
         StrictBool,
         Meaning("Whether the way goes on more slowly where the arm is behind."),
     ] = False
+    poses: Annotated[
+        PoseFilter | None,
+        Meaning(
+            "Which poses are followed that something measures; by default all, and those are "
+            "refused that can hardly be meant."
+        ),
+    ] = None
     blocked_after: Annotated[
         Positive,
         Meaning(
@@ -348,6 +360,10 @@ class StreamShield(GuardedCommands):
         self._wanted = np.zeros(arm.n)
         # Positions of the poses that came last.
         self._poses = np.zeros((0, 3))
+        self._tracking: Tracking | None = None
+        if settings.poses is not None:
+            kept = None if settings.record is True else max(int(settings.record), 1)
+            self._tracking = Tracking(settings.poses, self._way.counts, kept)
         self._remember(settings.record)
         if self._steps.are_compiled:
             # Now, and not at the first pose: a compiler takes seconds.
@@ -569,6 +585,8 @@ class StreamShield(GuardedCommands):
     def _resumed(self, t: float | None) -> None:
         """Forget what was followed, as the arm goes on from elsewhere, at a time [s]."""
         self.rest()
+        if self._tracking is not None:
+            self._tracking.clear()
         if "_tool" in vars(self):
             self._tool.clear()
         self._stands_at = self._guard.position
@@ -600,7 +618,8 @@ class StreamShield(GuardedCommands):
         times = self._blockage.time, silent
         is_pending = self._guard.limits_pending
         return ShieldStatus(
-            self._behind(), off_path, delay, at_work, *times, self._arrived, is_pending
+            *(self._behind(), off_path, delay, at_work, *times, self._arrived, is_pending),
+            tracking="" if self._tracking is None else self._tracking.state,
         )
 
     @property
@@ -614,9 +633,11 @@ class StreamShield(GuardedCommands):
             raise InvalidInputError(
                 "record: there is none of this shield; make it with ShieldSettings(record=True)"
             )
-        return record_of(
+        record = record_of(
             list(self._samples), self.period, self.arm.joints, self.clearance, tuple(self._ways)
         )
+        dropped = () if self._tracking is None else tuple(self._tracking.dropped)
+        return replace(record, dropped=dropped)
 
     @property
     def last_step(self) -> LastStep:
@@ -718,7 +739,7 @@ class StreamShield(GuardedCommands):
                 f"{_SPIN:g} and {_SPEED:g}; must be an angular velocity [rad/s], not in degrees, "
                 "and then a velocity [m/s], not in millimetres"
             )
-        elif kind == "poses":
+        elif kind == "poses" and self.settings.poses is None:
             self._check_poses(rows)
 
     def _check_positions(self, rows: Array) -> None:
@@ -772,11 +793,36 @@ class StreamShield(GuardedCommands):
 
     def _accept(self, kind: Kind, chunk: Chunk, now: float) -> int:
         """Take checked targets, and return their number; 0 if they are not followed."""
+        if self._tracking is not None and kind == "poses":
+            return self._accept_measured(self._tracking, chunk, now)
+        if self._tracking is not None:
+            self._tracking.clear()
         if kind == "positions":
             chunk = self._unwound(chunk)
         if kind == "poses":
             self._poses, chunk = chunk.values[:, :3], self._near(chunk)
         return self._take(kind, chunk, now)
+
+    def _accept_measured(self, tracking: Tracking, chunk: Chunk, now: float) -> int:
+        """Take what is believed of poses that something measures; see `_accept`."""
+        if tracking.is_lost(now):
+            self.rest()
+        refusal, rows = "", unit_poses(chunk.values)
+        if not tracking.has_begun and len(rows):
+            try:
+                self._check_poses(rows)
+            except InvalidInputError as error:
+                refusal = str(error).removeprefix("X_WE: ")
+        chunk = tracking.believed(chunk, now, self._kinematics.p_WE(self.position), refusal)
+        if not len(chunk.times):
+            self.counts.chunks += 1
+            tracking.take(None, now)
+            return 0
+        poses, chunk = chunk.values[:, :3], self._near(chunk)
+        if number := self._take("poses", chunk, now):
+            self._poses = poses
+            tracking.take(chunk, now)
+        return number
 
     def _take(self, kind: Kind, chunk: Chunk, now: float) -> int:
         """Follow a chunk, whose kind may be another than that of the last one."""
@@ -820,6 +866,8 @@ class StreamShield(GuardedCommands):
 
         The next call may overwrite them.
         """
+        if self._tracking is not None and self._kind == "poses" and self._tracking.is_lost(now):
+            self.rest()
         way, kind = self._way, self._kind
         if way.path is None:
             self._wanted = np.zeros(q.size)

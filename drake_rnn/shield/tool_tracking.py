@@ -9,6 +9,7 @@ from ..inputs.fields import Array
 from ..laws import Adaptive
 from ..laws.guard import StreamGuard
 from ..laws.parts.jacobian import LEVER
+from ..laws.parts.reach_edge import out_of_reach
 from ..robot.arm import Arm
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
@@ -19,9 +20,8 @@ from .twist_lead import Feedback, TwistLead
 OFF, TURNED = 0.01, 0.03
 #: A tool that is nearer than this is at its pose [m].
 AT = 1e-3
-# What a radian must bring the tool nearer, or else it cannot come nearer [m]; and how near to its
-# position limit a joint counts as at its end [rad]. What it brings at the end of reach [m].
-_NEARER, _END, _LITTLE = 0.05, 0.02, 0.2
+# What a motion of the joints brings a tool at the end of its reach at least [m].
+_LITTLE = 0.2
 # Deceleration and largest speed with which a tool joins poses [m/s^2, m/s]; the first is no more
 # than joints that are slow to brake can make of it, this far from the tool [m].
 _BRAKING, _JOINING, _ARM = 1.0, 0.5, 0.5
@@ -48,7 +48,7 @@ class ToolTracking:
         self._kinematics, self._period, self._limits = arm.kinematics(), period, limits
         braking = _BRAKING
         if limits.acceleration is not None:
-            braking = min(braking, _ARM * float(limits.acceleration.min()))
+            braking = min(braking, _ARM * float(limits.sides("acceleration").least.min()))
         law = Adaptive(
             limits=limits,
             home=home,
@@ -164,13 +164,13 @@ class ToolTracking:
         q, limits, progress, period = guard.position, self._limits, self._progress, self._period
         speed = float(np.linalg.norm(wanted))
         if (back := self._way_back.velocity(q, speed, period)) is not None:
-            return back / max(float((np.abs(back) / limits.velocity).max()), 1.0)
+            return back / max(float((np.abs(back) / limits.toward("velocity", back)).max()), 1.0)
 
         def fastest(age: float) -> float:
             columns = np.linalg.norm(_LENGTHS[:, None] * self._step.u["J"], axis=0)
-            v = limits.velocity
+            v = limits.sides("velocity").largest
             if limits.acceleration is not None:
-                v = np.minimum(v, limits.acceleration * age)
+                v = np.minimum(v, limits.sides("acceleration").largest * age)
             return float(columns @ v)
 
         V_tool = _LENGTHS * self._tool_velocity(guard)
@@ -191,14 +191,7 @@ class ToolTracking:
         u, limits = self._step.u, self._limits
         turn = rotation_error(u["R_WE"], u["R_WE_desired"])
         error = _LENGTHS * np.concatenate((turn, u["p_WE_desired"] - u["p_WE"]))
-        size = float(np.linalg.norm(error))
-        if size < AT:
-            return None
-        nearer, q = error @ (_LENGTHS[:, None] * u["J"]) / size, u["position"]
-        at_end = np.where(nearer > 0.0, limits.position_upper - q, q - limits.position_lower) < _END
-        if np.linalg.norm(nearer[~at_end]) > _NEARER:
-            return None
-        return tuple(np.flatnonzero(at_end & (np.abs(nearer) > _NEARER)).tolist())
+        return out_of_reach(_LENGTHS[:, None] * u["J"], error, u["position"], limits)
 
     def _wanted(self) -> Array:
         """Return the task velocity that the law wants, of rows that are lengths, (6,) [m/s]."""
@@ -246,10 +239,8 @@ class ToolTracking:
         v, a = guard.velocity, guard.acceleration
         if share == 1.0:
             return v, a
-        v = (v / share).clip(-limits.velocity, limits.velocity)
-        return v, a if limits.acceleration is None else (a / share).clip(
-            -limits.acceleration, limits.acceleration
-        )
+        v = limits.sides("velocity").clip(v / share)
+        return v, a if limits.acceleration is None else limits.sides("acceleration").clip(a / share)
 
 
 def angle_between(R: Array, S: Array) -> float:

@@ -86,7 +86,7 @@ RIGHT = {
     "Guard": {"law": d.JointStream(limits=TWO, home=[0, 0]), "period": 1e-3, "start": [0, 0]},
     "Shield": {"arm": ARM, "period": 0.01, "start": ARM.home, "limits": STREAM.limits},
     "DualArmShield": {"arm": PAIR, "period": 0.01},
-    "ShieldSettings": {},
+    "ShieldSettings": {}, "PoseFilter": {},
     "IdealArm": {"arm": ARM}, "PlantArm": {"arm": ARM}, "RobotArm": {"arm": ARM},
     "TorqueArm": {"arm": ARM},
     "IiwaLcm": {"lcm": DrakeLcm("memq://")},

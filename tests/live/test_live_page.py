@@ -167,6 +167,34 @@ def test_everything_is_done_on_the_page_once_no_other_has_the_controls(tmp_path)
         assert not messages(browser)
 
 
+_LINES = """
+  const lines = ["held", "away"].map((id) => document.getElementById(id));
+  const boxes = lines.filter((one) => !one.hidden).map((one) => one.getBoundingClientRect());
+  const fits = (box, k) => box.right <= innerWidth && (!k || boxes[k - 1].bottom <= box.top);
+  return boxes.every(fits);"""
+
+
+@pytest.mark.long
+def test_the_page_says_that_the_target_is_out_of_reach(tmp_path):
+    """As long as it is; also on a telephone, above what is said of a target that is out of view."""
+    held = "document.getElementById('held').textContent"
+    with playing("live", "adaptive_pose", folder=tmp_path) as url, page(url) as browser:
+        assert wait_for(lambda: ask(browser, "live.held"))
+        assert ask(browser, held) == ""
+        press(browser, "[data-press=stop]")
+        said = "document.getElementById('said').textContent"
+        assert wait_for(lambda: ask(browser, said) == "the target stops")
+        browser.execute_script("live.set('target', [0.9, 0.2, 0.9])")
+        assert wait_for(lambda: ask(browser, said) == "")
+        assert wait_for(lambda: "target out of reach: 0." in ask(browser, held))
+        for size in (DESKTOP, PHONE):
+            set_size(browser, size)
+            assert wait_for(lambda: browser.execute_script(_LINES))
+        press(browser, "[data-press=path]")
+        assert wait_for(lambda: ask(browser, held) == "")
+        assert not messages(browser)
+
+
 @pytest.mark.long
 def test_a_shield_is_led_by_hand(tmp_path):
     """A ball stands where the target is set, which the page tells, for as long as it is there."""

@@ -341,3 +341,17 @@ def test_a_law_that_takes_over_knows_where_obstacles_were_and_has_certified_noth
     for name in ("gaps", "obstacle_p", "obstacle_time", "anchor_p"):
         assert np.array_equal(layout.part(x, name), layout.part(segment.x, name))
     assert layout.part(x, "stop_delay").item() == NO_STOP
+
+
+def test_it_says_that_the_target_is_out_of_reach_while_it_is():
+    """The tool stops short of it, and says by how much; on the way back it says nothing."""
+    session = played("adaptive_jerk", {"period": 0.01})
+    assert advanced(session, 0.5).remark() == ""
+    session.set("target", [1.2, 0.1, 0.8])
+    advanced(session, 7.0)
+    target, _, _ = session.hands.target.position(session.time)
+    beyond = np.linalg.norm(target - session.kinematics.p_WE(session.position()))
+    assert beyond > 0.2
+    assert session.remark() == f"target out of reach: {beyond:.2g} m beyond"
+    session.set("target", [0.7, 0.1, 0.8])
+    assert advanced(session, 3.0).remark() == ""

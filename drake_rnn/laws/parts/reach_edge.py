@@ -74,7 +74,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import cbrt, inf, sqrt
 from typing import Any, NamedTuple
 
@@ -193,6 +193,9 @@ _TURNS, _SHORT = 2.0, 0.01
 _FLAT, _FARTHEST, _FOUND, _TRIES, _OUT = 2e-3, 0.5, 1e-7, 40, 1e-3
 # Way before a position limit in which a joint counts as one at it [rad].
 _END = 1e-3
+# What a radian must bring the task nearer, or else it cannot come nearer [m]; and how near to its
+# position limit a joint then counts as at its end [rad].
+_NEARER, _AT_END = 0.05, 0.02
 # Factors of the speeds that acceleration and jerk allow to a posture that stays where it is.
 _FIXED = (1.8, 0.7)
 # Task velocity of a target that rests [m/s, rad/s].
@@ -512,15 +515,10 @@ class ReachEdge:
         scales = self.scales if R is not None else join((0.0 * self.scales, self.scales))
         weights, regular = scales * scales, np.diag(1.0 + np.arange(J.shape[-1]))
 
-        def errors(d: Array) -> tuple[Array, Array]:
-            turned, p, J_there = pose_after(J, d)
-            if R is None:
-                return join((0.0 * p, away - p)), J_there
-            return join((rotation_error(matmul(turned, R[0]), R[1]), away - p)), J_there
+        errors = partial(_errors_after, J, R, away)
 
         def length(error: Array) -> Array:
-            scaled = scales * error
-            return root(dot(scaled, scaled) + 0.0 * far)
+            return root(dot(scales * error, scales * error) + 0.0 * far)
 
         def advance(parts: Parts) -> Parts:
             d, part, error, J_there, done = parts
@@ -547,14 +545,12 @@ class ReachEdge:
 
         # A joint that locks brings nothing any more.
         d = xp.where(abs(J).max(axis=-2) > 0.0, clip(begin, lower, upper), 0.0)
-        far = np.ones(d[..., :1].shape) + 0.0 * d[..., :1]
-        error, J_there = errors(d)
+        far, (error, J_there) = np.ones(d[..., :1].shape) + 0.0 * d[..., :1], errors(d)
         # No step from a posture that was found before is longer than this.
         longest = steepness(d, error, J_there) / (_FLAT * self.reach * length(error) + _TINY)
         done = ~(seeks | (far < 0.0)) | (longest < _FOUND)
         if not (type(done) is np.ndarray and done.all()):
-            parts = repeat(advance, (d, far, error, J_there, done), _TRIES)
-            d, _, error, J_there, _ = parts
+            d, _, error, J_there, _ = repeat(advance, (d, far, error, J_there, done), _TRIES)
         out = length(error)
         return d, (steepness(d, error, J_there) < _IDLE * out) & (out > _OUT)
 
@@ -702,6 +698,25 @@ class RestPosture:
         return {"leads": 0.0 * state["leads"]} if self.size else {}
 
 
+def out_of_reach(J: Array, error: Array, q: Array, limits: JointLimits) -> tuple[int, ...] | None:
+    """Return the joints at their ends without which no motion reduces an error; None if one does.
+
+    Args:
+        J: Jacobian of the task, of rows that are lengths, shape (m, n) [m].
+        error: Error of these rows, shape (m,) [m].
+        q: Joint positions, shape (n,) [rad].
+        limits: Limits of the joints.
+    """
+    size = float(np.linalg.norm(error))
+    if size < _OUT:
+        return None
+    nearer = error @ J / size
+    at_end = np.where(nearer > 0.0, limits.position_upper - q, q - limits.position_lower) < _AT_END
+    if np.linalg.norm(nearer[~at_end]) > _NEARER:
+        return None
+    return tuple(np.flatnonzero(at_end & (np.abs(nearer) > _NEARER)).tolist())
+
+
 def bend(J: Array, pull: Array) -> Array:
     r"""Return how the slope of a pose along a pull turns with the joints, shape (..., n, n).
 
@@ -756,6 +771,21 @@ def pose_after(J: Array, d: Array) -> tuple[Array, Array, Array]:
     J_v = cross_columns(axes_now, p[..., None] - xp.stack(points, axis=-1))
     J_now = xp.concatenate((axes_now, J_v + xp.stack(slides, axis=-1)), axis=-2)
     return R, p, J_now
+
+
+def _errors_after(J: Array, R: Turn | None, away: Array, d: Array) -> tuple[Array, Array]:
+    """Return the error of a pose after a motion of the joints, and its Jacobian there.
+
+    Args:
+        J: See `ReachEdge.to_rest`; as the following.
+        R: Orientation, and the desired one; None if it does not count.
+        away: Way to the desired position.
+        d: The motion, shape (..., n) [rad].
+    """
+    turned, p, J_there = pose_after(J, d)
+    if R is None:
+        return join((0.0 * p, away - p)), J_there
+    return join((rotation_error(matmul(turned, R[0]), R[1]), away - p)), J_there
 
 
 def _slope(d: Array, steep: Array, lower: Array, upper: Array) -> tuple[Array, Array]:

@@ -52,6 +52,7 @@ from .shield import (
     law_of,
     law_within,
     require_limits_of,
+    warnings_of,
 )
 
 # How readily an arm leaves what it wants where bodies come near each other, if another one gives
@@ -132,6 +133,7 @@ class DualArmShield(GuardedCommands):
         solids = make_obstacles(self.obstacles)
         self.clearance: Clearance
         self.clearance, self.warnings = arm_clearance(arm, solids, home)
+        self.warnings += warnings_of(self.limits, arm)
         blocks = slice(0, arm.begins[1]), slice(arm.begins[1], arm.n)
         sides = [
             ArmStream(self, name, part, block)

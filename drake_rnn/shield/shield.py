@@ -325,6 +325,7 @@ class StreamShield(GuardedCommands):
         solids = make_obstacles(self.obstacles)
         if collisions or solids:
             self.clearance, self.warnings = arm_clearance(arm, solids, home)
+        self.warnings += warnings_of(self.limits, arm)
         law = law_of(arm, self.limits, home, self.lookahead, self.clearance)
         self._steps = made_by = Steps(settings.compiled) if steps is None else steps
         self._times = CallTimes("shield", period, lambda: made_by.text)
@@ -1104,6 +1105,18 @@ def law_of(
         clearance=clearance,
         endless=[bool(turns) for turns in arm.endless],
     )
+
+
+def warnings_of(limits: JointLimits, arm: Arm) -> tuple[str, ...]:
+    """Return what limits of an arm lack, and warn of it; nothing where they have accelerations."""
+    if limits.acceleration is not None:
+        return ()
+    text = (
+        f"limits: no acceleration is known of {arm.name}, so commanded velocities jump; give "
+        "limits=arm.limits.replace(acceleration=..., jerk=...)"
+    )
+    warn(text, stacklevel=4)
+    return (text,)
 
 
 def require_limits_of(arm: Arm, limits: object, home: Array) -> None:

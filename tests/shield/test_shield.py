@@ -856,3 +856,10 @@ def test_what_its_promises_rest_on_is_data():
         "lateness of a call",
         "deviation of the arm from its command",
     ]
+
+
+def test_a_shield_without_accelerations_says_that_velocities_jump():
+    limits = PANDA.limits.replace(acceleration=None, jerk=None)
+    with pytest.warns(UserWarning, match=r"^limits: no acceleration is known of panda") as told:
+        shield = Shield(PANDA, PERIOD, limits=limits)
+    assert str(told[0].message) in shield.warnings

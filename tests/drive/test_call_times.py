@@ -66,9 +66,12 @@ def test_a_loop_that_simulates_has_time(make):
 
 def test_commands_of_a_process_that_are_too_late_are_told_as_soon_after_an_hour_without():
     times = CallTimes("shield", 1.0, lambda: "NumPy")
+
+    def note(count, *, is_late):
+        for _ in range(count):
+            times.note(time.perf_counter(), 0.0, is_real=True, is_late=is_late)
+
     with warnings.catch_warnings(action="error"):
-        for _ in range(20000):
-            times.note(time.perf_counter(), 0.0, is_real=True)
+        note(20000, is_late=False)
     with pytest.warns(UserWarning, match=r"^shield: 0 of .*, and \d+ commands came too late"):
-        for _ in range(60):
-            times.note(time.perf_counter(), 0.0, is_real=True, is_late=True)
+        note(60, is_late=True)

@@ -263,7 +263,7 @@ class PacedConnection(Connection):
         names = ("position_commanded", "velocity_commanded", "acceleration_commanded")
         motions, h = [every[name] for name in names], self.period
         reached, times, rows, begin = every["time"] + h, [], [], 0
-        for k in np.flatnonzero(every["passed"][1:] > 1) + 1:
+        for k in (np.flatnonzero(every["passed"][1:] > 1) + 1).tolist():
             times.append(reached[begin:k])
             rows.append(motions[0][begin:k])
             begin, (q, v, a) = k, (motion[k - 1] for motion in motions)

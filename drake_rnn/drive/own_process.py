@@ -77,7 +77,10 @@ class Commander(Protocol):
 
     period: float
     tolerance: float
-    times: CallTimes
+
+    @property
+    def times(self) -> CallTimes:
+        """How long calls take, with what is done besides."""
 
     @property
     def velocity(self) -> Array:

@@ -6,6 +6,7 @@ import warnings
 import pytest
 
 from drake_rnn import Guard, JointStream, Shield, ShieldSettings, load_arm
+from drake_rnn.drive.call_times import CallTimes
 
 ARM = load_arm("planar6")
 LIMITS = ARM.limits.replace(velocity=1.0, acceleration=5.0, jerk=100.0)
@@ -61,3 +62,16 @@ def test_a_loop_that_simulates_has_time(make):
     with warnings.catch_warnings(action="error"):
         call(command, (k * LONG for k in range(20)))
     assert patient.overruns == 0
+
+
+def test_commands_of_a_process_that_are_too_late_are_told_as_soon_after_an_hour_without():
+    times = CallTimes("shield", 1.0, lambda: "NumPy")
+
+    def note(count, *, is_late):
+        for _ in range(count):
+            times.note(time.perf_counter(), 0.0, is_real=True, is_late=is_late)
+
+    with warnings.catch_warnings(action="error"):
+        note(20000, is_late=False)
+    with pytest.warns(UserWarning, match=r"^shield: 0 of .*, and \d+ commands came too late"):
+        note(60, is_late=True)

@@ -353,8 +353,8 @@ def _construct_first(self: Any, *arguments: Any, **options: Any) -> None:
             if vars(block).get("__init__") is _construct_first:
                 delattr(block, "__init__")
                 BLOCKS.add_instantiation(scalar, block, skip_rename=True)
-    block = Block if isinstance(self, Block) else AutoDiffBlock
-    block.__init__(self, *arguments, **options)
+    base: Any = Block if isinstance(self, Block) else AutoDiffBlock
+    base.__init__(self, *arguments, **options)
 
 
 for _block in _INSTANTIATIONS.values():

@@ -339,7 +339,7 @@ for _base, _block in ((LeafSystem, Block), (LeafSystem_[AutoDiffXd], AutoDiffBlo
 #: Converts blocks to their twins.
 # Without a scope, pydrake looks at all modules for this one, and so imports those that wait.
 BLOCKS = TemplateSystem("Block_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
-_INSTANTIATIONS = {float: Block, AutoDiffXd: AutoDiffBlock}
+_INSTANTIATIONS: dict[Any, type[Block | AutoDiffBlock]] = {float: Block, AutoDiffXd: AutoDiffBlock}
 _AT_WORK = Lock()
 
 

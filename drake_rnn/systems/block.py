@@ -339,7 +339,7 @@ for _base, _block in ((LeafSystem, Block), (LeafSystem_[AutoDiffXd], AutoDiffBlo
 #: Converts blocks to their twins.
 # Without a scope, pydrake looks at all modules for this one, and so imports those that wait.
 BLOCKS = TemplateSystem("Block_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
-_INSTANTIATIONS = {float: Block, AutoDiffXd: AutoDiffBlock}
+_INSTANTIATIONS: dict[Any, type[Block | AutoDiffBlock]] = {float: Block, AutoDiffXd: AutoDiffBlock}
 _AT_WORK = Lock()
 
 
@@ -353,8 +353,8 @@ def _construct_first(self: Any, *arguments: Any, **options: Any) -> None:
             if vars(block).get("__init__") is _construct_first:
                 delattr(block, "__init__")
                 BLOCKS.add_instantiation(scalar, block, skip_rename=True)
-    block = Block if isinstance(self, Block) else AutoDiffBlock
-    block.__init__(self, *arguments, **options)
+    base: Any = Block if isinstance(self, Block) else AutoDiffBlock
+    base.__init__(self, *arguments, **options)
 
 
 for _block in _INSTANTIATIONS.values():

@@ -7,7 +7,9 @@ import pytest
 from pydrake.math import RotationMatrix
 
 from drake_rnn import Guard, InvalidInputError, JointStream, Shield, ShieldSettings, load_arm
+from drake_rnn.laws.guard import StepInPlace
 from drake_rnn.shield.chunks import Chunk, ChunkPath, SourceClock
+from drake_rnn.shield.pursuit import Pursuit, WayPursuit
 
 PERIOD, HELD = 5e-3, 1e-9
 PANDA = load_arm("panda")
@@ -863,3 +865,25 @@ def test_a_shield_without_accelerations_says_that_velocities_jump():
     with pytest.warns(UserWarning, match=r"^limits: no acceleration is known of panda") as told:
         shield = Shield(PANDA, PERIOD, limits=limits)
     assert str(told[0].message) in shield.warnings
+
+
+def test_a_way_is_pursued_as_if_its_pieces_were_looked_for_at_each_sample():
+    def pursuit():
+        law = Pursuit(0.1, 0.005, np.array([5.0, np.inf]))
+        return WayPursuit(law, lambda law, h: StepInPlace.by(law.step, law, h))
+
+    rng, kept = np.random.default_rng(0), pursuit()
+    way = ChunkPath()
+    for k in range(600):
+        now = 0.005 * k
+        if k % 37 == 0:
+            times = now + np.array([-0.01, 0.02, 0.02, 0.13, 0.3])[: rng.integers(1, 6)]
+            way.put(Chunk(times, rng.normal(size=(times.size, 2))), now)
+        if k % 50 == 0:
+            way.put_off(0.004)
+        q, rate = rng.normal(size=2), 1.0 if k % 3 else 0.4
+        anew = pursuit()
+        for each in (kept, anew):
+            each.step(way, now, q, rate)
+        assert kept.wanted.tobytes() == anew.wanted.tobytes()
+        assert kept.target.tobytes() == (q + 0.1 * kept.wanted).tobytes()

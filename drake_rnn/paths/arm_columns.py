@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,7 +32,7 @@ def split_by_arm(recording: Recording, joints: Mapping[str, Sequence[str]]) -> d
     """
     parts = {}
     for arm in joints:
-        rename = _Rename(arm)
+        rename = _Rename(arm, joints)
         tables = [own for table in recording.tables if (own := _table(table, rename))]
         points = None if recording.points is None else _points(recording.points, rename)
         calls = [named for call in recording.calls if (named := _call(call, rename))]
@@ -49,11 +49,14 @@ class _Rename:
 
     Args:
         arm: The arm's name.
+        arms: Names of all arms; what begins with a longer one is not of this arm.
     """
 
-    def __init__(self, arm: str) -> None:
+    def __init__(self, arm: str, arms: Iterable[str]) -> None:
         self._arm = arm
-        self._pattern = re.compile(rf"((?:.*?[./])?){re.escape(arm)}[./_](.+)")
+        longer = [re.escape(name) for name in arms if name != arm and name.startswith(arm)]
+        none = "".join(f"(?!{name}[./_])" for name in longer)
+        self._pattern = re.compile(rf"((?:.*?[./])?){none}{re.escape(arm)}[./_](.+)")
 
     def __call__(self, name: str) -> str | None:
         """Return the name without the arm's; None for a column of another arm, or of none."""
@@ -120,7 +123,7 @@ def _names_of(recording: Recording) -> list[tuple[str, ...]]:
 
 def _require_clear(names: Sequence[str], joints: Mapping[str, Sequence[str]]) -> None:
     """Raise a ValueError for columns that are like those of an arm, and name none of these."""
-    renames = [_Rename(arm) for arm in joints]
+    renames = [_Rename(arm, joints) for arm in joints]
     bare = {split_unit(name)[0] for rename in renames for name in rename.columns(names)}
     shared = {CHUNK, ISSUED}.union(*(rename.columns(names).values() for rename in renames))
     others = [name for name in names if name not in shared]

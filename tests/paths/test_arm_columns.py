@@ -50,6 +50,19 @@ def test_an_arm_gets_what_names_it_whatever_the_order_of_columns(tmp_path, left,
         np.testing.assert_array_equal(again[arm][1].values, calls[1].values)
 
 
+def test_a_longer_name_is_not_that_of_the_arm_that_it_begins_with(tmp_path):
+    file = tmp_path / "two.csv"
+    names = [*numbered("arm_q"), *numbered("arm_2_q")]
+    file.write_text(",".join(["t", *names]) + "\n" + ",".join(map(str, range(7))) + "\n")
+    joints = {"arm": JOINTS["left"], "arm_2": JOINTS["right"]}
+    arms = RecordedTargets(file=str(file)).by_arm(joints)
+    first = {arm: own.calls(joints[arm], ["rad"] * 3, np.zeros(3))[0] for arm, own in arms.items()}
+    assert {arm: calls[0].values.tolist() for arm, calls in first.items()} == {
+        "arm": [[1.0, 2.0, 3.0]],
+        "arm_2": [[4.0, 5.0, 6.0]],
+    }
+
+
 @pytest.mark.parametrize(
     ("names", "message"),
     [

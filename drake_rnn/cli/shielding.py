@@ -32,6 +32,7 @@ from ..robot.arm import Arm, shipped_arms
 from ..robot.postures import proposed_home
 from ..runs.folder import written_whole
 from ..runs.result import Result
+from ..runs.simulation import effort_of, require_effort
 from ..shield import Shield as PolicyShield
 from ..shield import ShieldSettings
 from ..shield.chunks import Counts, RecordedSource, WayBehind
@@ -186,8 +187,11 @@ def _stream(args: Shield) -> Iterator[_Stream]:
         # What begins later is refused when it comes.
         last = max(min(float(call.times[-1]), call.time + _LONGEST) for call in calls)
         document["duration"] = round(max(last, calls[-1].time) + _REST, 3)
-    if not own and all(call.kind == "positions" and len(call.times) == 1 for call in calls):
+    single = all(call.kind == "positions" and len(call.times) == 1 for call in calls)
+    if single and not own and not recorded.has_calls:
         experiment = make_experiment(read_document(document, changes))
+        assert experiment.document.period is not None
+        require_effort(effort_of(experiment.document), experiment.document.duration)
         yield _Stream(experiment, calls, _record_of_law(experiment))
         return
     with tempfile.TemporaryDirectory() as place:

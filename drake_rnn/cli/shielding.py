@@ -36,6 +36,7 @@ from ..robot.load_arm import FrameMissingError
 from ..robot.postures import proposed_home
 from ..runs.folder import make_folder, require_fillable, written_whole
 from ..runs.result import Result
+from ..runs.simulation import effort_of, require_effort
 from ..shield import Shield as PolicyShield
 from ..shield import ShieldSettings
 from ..shield.arms import checked_names
@@ -262,8 +263,11 @@ def _stream(source: _Source) -> Iterator[_Stream]:
         raise InvalidInputError(f"{error}; or columns by arm, {by_arm}") from None
     _require_seconds(calls, recorded.file)
     source.begin(_first_row(calls, arm) if "start" not in source.contents else None, calls)
-    if not own and all(call.kind == "positions" and len(call.times) == 1 for call in calls):
+    single = all(call.kind == "positions" and len(call.times) == 1 for call in calls)
+    if single and not own and not recorded.has_calls:
         experiment = make_experiment(read_document(document, changes))
+        assert experiment.document.period is not None
+        require_effort(effort_of(experiment.document), experiment.document.duration)
         yield _Stream(experiment, calls, _record_of_law(experiment))
         return
     with tempfile.TemporaryDirectory() as place:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, TemporaryFile
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,6 +41,8 @@ LOOP_FLAGS = (
 # step among obstacles, 0.9 MB, gcc 12 takes 5 s with -O1 and 13 s with -O2, for steps as fast. One
 # whose branches stand once for each joint, 1.7 MB, took 13 and 23 s, also for steps as fast.
 _LARGE = 200_000
+# Time that a compiler may take [s], and how much of what it says is read [bytes].
+_LONGEST, _TOLD = 900, 10_000
 
 
 @cache
@@ -141,24 +143,31 @@ def run_compiler(command: Sequence[str], what: str) -> None:
         what: What it compiles, for messages.
 
     Raises:
-        InvalidInputError: If it cannot be run, refuses what it is given, or is ended by a signal.
+        InvalidInputError: If it cannot be run, refuses what it is given, is ended by a signal or
+            does not end.
     """
     name = Path(command[0]).name
     try:
-        process = subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            check=False,
-        )
+        with TemporaryFile() as said:
+            process = subprocess.run(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=said,
+                timeout=_LONGEST,
+                check=False,
+            )
+            said.seek(0)
+            message = " ".join(said.read(_TOLD).decode(errors="replace").split())[:300]
+    except subprocess.TimeoutExpired:
+        raise InvalidInputError(
+            f"compiled: {name} has not ended with {what} in {_LONGEST} s; set CC to a C compiler"
+        ) from None
     except OSError as error:
         raise InvalidInputError(
             f"compiled: {name} cannot be run: {error.strerror}; set CC to a C compiler"
         ) from None
     if (status := process.returncode) != 0:
-        message = " ".join(process.stderr.split())[:300]
         if not message:
             message = f"it is ended by signal {-status}" if status < 0 else f"status {status}"
         raise InvalidInputError(f"compiled: {name} refuses {what}: {message}")

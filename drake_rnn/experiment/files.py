@@ -22,7 +22,7 @@ from typing import Any
 
 from ..diagrams import EXPERIMENTS, SCHEMAS
 from ..errors import InvalidInputError
-from ..inputs.documents import parse_yaml, read_named, without_extensions
+from ..inputs.documents import parse_yaml, read_named, require_measure, without_extensions
 from ..inputs.files import is_file
 from ..inputs.kinds import look_beside
 from ..inputs.messages import field_names, fields_of, nearest, plain, require_type, short
@@ -51,6 +51,10 @@ def parse_change(text: str) -> tuple[str, Any]:
     return key.strip(), parse_yaml(value, f"--set {key.strip()}")
 
 
+# Names in a dotted key, and values of one.
+_MOST_NAMES, _MOST_VALUES = 20, 10_000_000
+
+
 def checked_changes(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
     """Return changes of a document, an empty mapping for None.
 
@@ -67,6 +71,8 @@ def checked_changes(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
     for key in changes:
         if not all(part.strip() for part in key.split(".")):
             raise InvalidInputError(f"{key!r}: must be a dotted key, e.g. law.kappa")
+        if key.count(".") >= _MOST_NAMES:
+            raise InvalidInputError(f"{short(key)}: may have {_MOST_NAMES} names with dots")
     require_none_lost(changes)
     return changes
 
@@ -404,9 +410,10 @@ def _section(document: dict[str, Any], key: str) -> dict[str, Any]:
 def _copy(value: Any, key: str) -> Any:
     """Return a copy of a value of a document, which a key names in messages."""
     try:
-        return deepcopy(value)
-    except RecursionError:
-        raise InvalidInputError(f"{key}: nested too deeply") from None
+        require_measure(value, _MOST_VALUES)
+    except ValueError as error:
+        raise InvalidInputError(f"{key}: {error}") from None
+    return deepcopy(value)
 
 
 def schema_line(document: str, place: str | None = None) -> str:

@@ -104,7 +104,7 @@ def _parsed_yaml(text: str, source: str, tags: Tags) -> Any:
             _require_few_merges(YAML(typ="safe", pure=True).compose(text), source)
         content = _reader(tags).load(text)
     try:
-        _require_measure(content, _MOST_VALUES)
+        require_measure(content, _MOST_VALUES)
     except ValueError as error:
         raise InvalidInputError(f"{source}: {error}") from None
     return content
@@ -143,7 +143,7 @@ def records_of(file: Path, most: int) -> Iterator[Any]:
             records = _yaml_records(text)
         for record in records:
             # Each value takes a letter, unless aliases repeat it.
-            _require_measure(record, len(text))
+            require_measure(record, len(text))
             yield record
     except UnicodeDecodeError:
         raise ValueError("is not a text file") from None
@@ -300,7 +300,7 @@ def _require_few_merges(document: Any, source: str) -> None:
         raise InvalidInputError(f"{source}: its merges (<<) repeat more than {_MOST_VALUES} keys")
 
 
-def _require_measure(content: Any, most: int) -> None:
+def require_measure(content: Any, most: int) -> None:
     """Raise a ValueError if a document or a number in it has no end, or hardly one.
 
     Args:
@@ -315,7 +315,7 @@ def _require_measure(content: Any, most: int) -> None:
             raise ValueError(f"refers to itself, or holds more than {most} values")
         if depth > _DEEPEST:
             raise ValueError(f"refers to itself, or is {_TOO_DEEP}")
-        if isinstance(value, (dict, list)):
+        if isinstance(value, (dict, list, tuple)):
             inner = value.values() if isinstance(value, dict) else value
             values += ((each, depth + 1) for each in inner)
         elif isinstance(value, int) and value.bit_length() > _MOST_BITS:

@@ -78,6 +78,10 @@ _OTHER_FORMATS = {
         "of q for each joint",
     ),
     **dict.fromkeys(
+        (".gz", ".svgz", ".bz2", ".xz", ".zst", ".zip", ".tar", ".tgz"),
+        "is compressed; unpack it first",
+    ),
+    **dict.fromkeys(
         (".dxf", ".dwg"),
         "is a drawing of a CAD program; save it as SVG, e.g. by Inkscape, for path: {kind: svg}",
     ),

@@ -138,8 +138,14 @@ class Processes(Workers):
         # Drake has started threads, which a forked process would not inherit.
         self._context = get_context("spawn")
         self._idle: list[ProcessPoolExecutor] = []
+        self._pools: list[ProcessPoolExecutor] = []
         self._lifelines: list[Connection] = []
-        self._any_began = self._context.Event()
+        try:
+            self._any_began = self._context.Event()
+        except OSError as error:
+            raise InvalidInputError(
+                f"processes: cannot be started: {error.strerror}, in /dev/shm"
+            ) from None
         self._any_died, self._is_stopped = False, False
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Handle:
@@ -174,7 +180,12 @@ class Processes(Workers):
         self._is_stopped = True
         for lifeline in self._lifelines:
             lifeline.close()
-        self._lifelines, self._idle = [], []
+        # If this process ended while the thread of a pool does, Python would print a traceback.
+        until = monotonic() + _FAREWELL
+        for pool in self._pools:
+            if (thread := vars(pool).get("_executor_manager_thread")) is not None:
+                thread.join(max(until - monotonic(), 0.0))
+        self._lifelines, self._idle, self._pools = [], [], []
 
     def _submit(
         self, process: ProcessPoolExecutor, task: Callable[..., Any], *arguments: Any
@@ -197,6 +208,7 @@ class Processes(Workers):
         self._lifelines.append(lifeline)
         # One process per pool: a larger pool loses all its tasks if one process crashes.
         pool = ProcessPoolExecutor(1, self._context, begin, (end, self._any_began, self._deaf))
+        self._pools.append(pool)
         # A thread of the pool may still send to a process that was stopped, of which Python would
         # print a traceback. It offers no other way to leave that out.
         queue: Any = vars(pool).get("_call_queue")
@@ -217,6 +229,8 @@ def processes_of(jobs: int) -> Workers:
 
 #: Time after which a process is interrupted again, in case it was not ready [s].
 _INTERRUPT_AGAIN = 0.5
+#: Longest time to wait for what is left of processes that were stopped [s].
+_FAREWELL = 2.0
 #: Longest time to wait for a scheduler [s].
 _PATIENCE = 10.0
 #: Tasks handed over for each thread of the cluster: one that runs, and the one to run next.

@@ -269,6 +269,11 @@ class RecordedTargets:
             vars(own)["_recording"] = recording
         return targets
 
+    @property
+    def has_calls(self) -> bool:
+        """Whether the file holds records of what a source gave, and not rows of targets."""
+        return bool(self._recording.calls)
+
     def calls(
         self, joints: Sequence[str], units: Sequence[str], start: Array
     ) -> tuple[list[RecordedCall], Sequence[str]]:

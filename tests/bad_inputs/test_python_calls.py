@@ -20,6 +20,9 @@ GONE = object()
 DEEP = {"a": 1}
 for _ in range(3000):
     DEEP = {"a": DEEP}
+#: A list that is in itself.
+SELF = []
+SELF += [SELF, SELF]
 
 
 def given(law, changes):
@@ -43,6 +46,7 @@ NAMES = {name: getattr(d, name) for name in d.__all__} | {
     "PiecewisePolynomial": PiecewisePolynomial,
     "DiagramBuilder": DiagramBuilder,
     "DEEP": DEEP,
+    "SELF": SELF,
     "ARM": ARM,
     "KINEMATICS": ARM.kinematics(),
     "EXPERIMENT": d.load_experiment("pinv_line"),

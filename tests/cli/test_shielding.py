@@ -556,3 +556,15 @@ def test_ones_own_model_needs_its_frame_alone_and_begins_at_the_first_row(tmp_pa
     # A file in another folder names a shield that a target is dragged for.
     told = call("shield", "--live", "--arm", lone, "--frame", "panda_link8", "--set", "start=[0]")
     assert sentence(told).startswith("start: ")
+
+
+def test_records_of_single_positions_are_followed_in_the_order_of_their_names(tmp_path):
+    """They were called chunks, by the very command that follows these."""
+    file, plain = tmp_path / "calls.json", ("--no-figures", "--no-playback", "--period", "1e-2")
+    target = HOME + 0.02 * np.arange(7)
+    call_of = {"t": 0.0, "positions": target[::-1].tolist(), "joints": NAMES[::-1]}
+    file.write_text(json.dumps(call_of))
+    result = call("shield", file, "--out", tmp_path, "--set", LIMITS, *plain)
+    assert result.exit_code == 0, result.stderr
+    run = Result.load(tmp_path / "calls")
+    np.testing.assert_allclose(run.series["position"][-1], target, atol=1e-3)

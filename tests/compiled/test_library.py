@@ -9,6 +9,7 @@ from errno import ENOSPC
 import pytest
 
 from drake_rnn import DrakeRnnError, InvalidInputError
+from drake_rnn.compiled import library
 from drake_rnn.compiled.library import build_library, compiler, open_library
 from row_helpers import assert_each
 
@@ -97,6 +98,16 @@ def test_a_compiler_that_is_none_is_told(cache, tmp_path, monkeypatch):
             assert said in str(caught.value)
 
     assert_each(assert_told, cases)
+
+
+def test_a_compiler_that_does_not_end_is_ended(cache, tmp_path, monkeypatch):
+    file = tmp_path / "endless"
+    file.write_text("#!/bin/sh\nexec sleep 60")
+    file.chmod(0o755)
+    monkeypatch.setattr(library, "_LONGEST", 0.2)
+    monkeypatch.setenv("CC", str(file))
+    with pytest.raises(InvalidInputError, match="endless has not ended with the step in"):
+        answer(1)
 
 
 def test_a_compiler_may_have_options(cache, monkeypatch):

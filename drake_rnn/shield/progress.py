@@ -30,8 +30,9 @@ _LEAST_GAIN = 0.1
 # Time over which progress is a mean, in which the speed falls and grows by a factor of e [s]; the
 # least share of it.
 _MEAN, _FALL, _GROWTH, _LEAST = 0.1, 0.15, 0.08, 3e-3
-# Share of the work with which a tool goes well along what is wanted, and for how long it must [s].
-_WELL, _LONG = 0.5, 0.3
+# Share of the work with which a tool goes well along what is wanted, and for how long it must [s],
+# also with all of its speed: what it has slid back from a table, it goes well again.
+_WELL, _LONG, _FAR = 0.5, 0.3, 0.02
 # Way of a tool between two postures that are remembered [m], and how many are; the share of the way
 # back that is left where it ends, and the longest time for it [s].
 _SPACING, _POSTURES, _THERE, _LONGEST = 2e-3, 10, 0.2, 1.0
@@ -54,7 +55,8 @@ class Progress:
     def clear(self) -> None:
         """Begin anew, with something else that is wanted."""
         self.share, self.blocked, self.gained = 1.0, 0.0, 0.0
-        self._ahead, self._rate, self._since, self._well, self._age = 0.0, 0.0, 0.0, 0.0, 0.0
+        self._ahead, self._rate, self._since = 0.0, 0.0, 0.0
+        self._well, self._went, self._age = 0.0, 0.0, 0.0
 
     def note(
         self,
@@ -84,8 +86,12 @@ class Progress:
         power = float(wanted @ V_tool)
         if power < _WELL * self.share * square:
             square = size * min(size, fastest(self._age))
-        self._well = self._well + period if power >= _WELL * self.share * square else 0.0
-        self._ahead = period * power + (self._ahead if self._well < _LONG else 0.0)
+        if power >= _WELL * self.share * square:
+            self._well, self._went = self._well + period, self._went + self.share * period
+        else:
+            self._well = self._went = 0.0
+        is_on_its_way = self._well >= _LONG and self._went >= _FAR
+        self._ahead = period * power + (0.0 if is_on_its_way else self._ahead)
         gained, self._ahead = max(self._ahead, 0.0), min(self._ahead, 0.0)
         self.gained = gained / size
         self._rate += (gained - period * self._rate) / (_MEAN + period)
@@ -94,7 +100,8 @@ class Progress:
             self._since, self.share = 0.0, min(1.0, self.share * exp(period / _GROWTH))
             return
         self._since += period
-        if self._since > patience and not self._well:
+        # One that turns round goes well again before the speed falls.
+        if self._since > patience and not (self._well and self.share == 1.0):
             self.share = max(_LEAST, self.share * exp(-period / _FALL))
 
 

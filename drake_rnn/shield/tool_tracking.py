@@ -27,6 +27,8 @@ _LITTLE = 0.2
 _BRAKING, _JOINING, _ARM = 1.0, 0.5, 0.5
 # Time without progress after which the tool wants less speed [s]: to a pose it may first go astray.
 _PATIENCE = {"twists": 0.25, "poses": 0.8}
+# Joints of a tool that does not get on are no faster than a share of this [rad/s].
+_CALM = 1.0
 # What makes the rows of a twist lengths a second.
 _LENGTHS = np.array([LEVER] * 3 + [1.0] * 3)
 
@@ -239,7 +241,8 @@ class ToolTracking:
         v, a = guard.velocity, guard.acceleration
         if share == 1.0:
             return v, a
-        v = limits.sides("velocity").clip(v / share)
+        fastest = np.minimum(np.maximum(np.abs(v), _CALM), limits.toward("velocity", v))
+        v = (v / share).clip(-fastest, fastest)
         return v, a if limits.acceleration is None else limits.sides("acceleration").clip(a / share)
 
 

@@ -241,7 +241,7 @@ class ToolTracking:
         v, a = guard.velocity, guard.acceleration
         if share == 1.0:
             return v, a
-        fastest = np.minimum(np.maximum(np.abs(v), _CALM), limits.toward("velocity", v))
+        fastest = np.minimum(np.maximum(np.abs(v), _CALM), limits.sides("velocity").toward(v > 0.0))
         v = (v / share).clip(-fastest, fastest)
         return v, a if limits.acceleration is None else limits.sides("acceleration").clip(a / share)
 

@@ -43,7 +43,9 @@ def test_a_robot_that_applies_what_is_late_tells_so_and_is_commanded_within_its_
 
 
 @pytest.mark.parametrize("place", ["waiting", "answering"])
-@pytest.mark.parametrize("lost", [1.6, 1.85, 1.95, 4.9, 17.9])
+@pytest.mark.parametrize(
+    "lost", [1.95, *(pytest.param(lost, marks=pytest.mark.long) for lost in (1.6, 1.85, 4.9, 17.9))]
+)
 def test_the_newest_state_is_not_answered_either_when_it_is_nearly_a_cycle_old(place, lost):
     """The answer would come a moment after the next state, and be dropped."""
     robot = moved(AT, lost, place)
@@ -53,6 +55,7 @@ def test_the_newest_state_is_not_answered_either_when_it_is_nearly_a_cycle_old(p
     assert jerk <= JERK
 
 
+@pytest.mark.long
 def test_a_robot_at_half_its_pace_is_answered_in_every_other_cycle():
     """As a simulated one on a busy machine: its states seem to have waited."""
     robot = moved(AT, 0, "waiting", pace=2e-3)

@@ -205,6 +205,7 @@ def test_no_random_case_exceeds_a_limit_of_torque(first):
     assert sum(acts for _, acts in found) > 100
 
 
+@pytest.mark.long
 def test_the_report_of_three_rods_is_met():
     """Least torques whip and exceed limits; a network with damping is smooth and within them.
 

@@ -134,6 +134,7 @@ def test_with_full_dynamics_it_follows_by_a_sample():
     assert found["orientation_error_max_rad"] < 3.5e-4
 
 
+@pytest.mark.long
 def test_a_tool_that_presses_turns_about_the_normal():
     """The feed-forward of motion-force control; without it the lag would be 0.025 rad.
 

@@ -36,6 +36,7 @@ def test_an_experiment_does_what_it_accepts(name):
     assert all(verdict.met for verdict in shared_run(name).verdicts)
 
 
+@pytest.mark.long
 def test_a_batch_moves_both_arms_as_a_diagram_does():
     """Kinematics of many differ by rounding: some 1e-13 rad after 50 samples of known J."""
     experiment = make_experiment(document(duration=0.1, log_period=2e-3))
@@ -52,6 +53,7 @@ def test_the_pose_of_a_frame_is_a_task_of_any_law():
         assert simulate(make_experiment(contents)).metrics["position_error_max_m"] < 1e-4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["projection", "zeroing"])
 def test_networks_do_twelve_rows_of_both_tools(kind):
     """The centre follows its path while both poses are held, once the path's first speed is met."""

@@ -304,6 +304,7 @@ def test_of_a_target_that_jumps_the_record_tells_jerk_then_acceleration_then_vel
         assert ends[1] == pytest.approx(0.05 + (0.875 - 0.125) / 5.0, abs=2 * PERIOD)
 
 
+@pytest.mark.long
 def test_a_target_beyond_a_position_limit_is_told_as_that():
     """Joint 6 is asked for 0.2 rad more than its upper limit, and rests there."""
     target = HOME.copy()

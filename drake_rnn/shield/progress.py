@@ -27,9 +27,10 @@ from ..inputs.fields import Array
 
 # Share of the work of what is wanted that is progress.
 _LEAST_GAIN = 0.1
-# Time over which progress is a mean, in which the speed falls and grows by a factor of e [s]; the
-# least share of it.
-_MEAN, _FALL, _GROWTH, _LEAST = 0.1, 0.15, 0.08, 3e-3
+# Time over which progress is a mean, in which the speed falls and grows by a factor of e [s].
+_MEAN, _FALL, _GROWTH = 0.1, 0.15, 0.08
+#: Least share of its speed that a tool wants.
+LEAST = 3e-3
 # Share of the work with which a tool goes well along what is wanted, and for how long it must [s],
 # also with all of its speed: what it has slid back from a table, it goes well again.
 _WELL, _LONG, _FAR = 0.5, 0.3, 0.02
@@ -102,7 +103,7 @@ class Progress:
         self._since += period
         # One that turns round goes well again before the speed falls.
         if self._since > patience and not (self._well and self.share == 1.0):
-            self.share = max(_LEAST, self.share * exp(-period / _FALL))
+            self.share = max(LEAST, self.share * exp(-period / _FALL))
 
 
 class WayBack:

@@ -13,7 +13,7 @@ from ..laws.parts.reach_edge import out_of_reach
 from ..robot.arm import Arm
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
-from .progress import Progress, WayBack, asks_for_nothing, is_another_twist
+from .progress import LEAST, Progress, WayBack, asks_for_nothing, is_another_twist
 from .twist_lead import Feedback, TwistLead
 
 #: A tool that is this far off its pose wants to get on [m, rad].
@@ -121,7 +121,12 @@ class ToolTracking:
             self._turn(guard.position, wanted, None if self._pose is None else self._asked)
             self._pose, self._asked = here, wanted
         self._twist = None
-        return self._within_progress(guard, v, wanted, _PATIENCE["poses"])
+        share = self._progress.share
+        v = self._within_progress(guard, v, wanted, _PATIENCE["poses"])
+        if self._progress.share == LEAST < share:
+            # What is asked for has turned since, while the pose went on and the tool did not.
+            self._asked = wanted
+        return v
 
     def _turn(self, q: Array, wanted: Array, before: Array | None) -> None:
         """Count progress anew from a posture, of another task velocity than before [m/s].

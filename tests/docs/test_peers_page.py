@@ -350,7 +350,8 @@ def network_tables():
     """The tables of networks on their page, by campaign: cells by first cell and column."""
     found = {}
     for command, head, rows in re.findall(
-        r"^<!-- made by python benchmarks/networks_compared\.py (.*?); of \w+ -->\n"
+        r"^<!-- made by python benchmarks/networks_compared\.py (.*?); of \w+"
+        r"(?:; measured before .*?)? -->\n"
         r"(\|.*)\n\|[-|]+\|\n((?:\|.*\n)+)",
         text_of(EVIDENCE),
         re.MULTILINE,

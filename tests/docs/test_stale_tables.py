@@ -78,20 +78,15 @@ def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("file", "before", "after", "older"),
     [
-        (
-            "benchmarks/recursive_tables.py",
-            "(1, 2, 3, 4)",
-            "(1, 2, 3)",
-            "docs/schemes/recursive.md",
-        ),
+        ("benchmarks/guard_times.py", "(None, 1, 6, 16, 23)", "(None, 1, 6)", "docs/shield.md"),
         ("benchmarks/recursive_tables.py", '"""Print', '"""Show', None),
         ("drake_rnn/laws/recursive.py", "class ", "# A note.\nclass ", None),
         ("drake_rnn/laws/recursive.py", 'Meaning("', 'Meaning("It is so. ' + 80 * "x", None),
         (
-            "drake_rnn/laws/state_adjustment.py",
-            "return u * u * u",
-            "return 1.0 * u * u * u",
-            "docs/schemes/state_adjustment.md",
+            "drake_rnn/laws/joint_drift_free.py",
+            "1.0 / h, v / h",
+            "2.0 / h, v / h",
+            "docs/schemes/joint_drift_free.md",
         ),
     ],
 )

@@ -68,7 +68,7 @@ class LostCycles:
             )
         if (count := len(rows) - 1) > 0:
             self.lost += count
-            taken, dropped = _gone_on(self._held, count), _gone_on(self._before, count + 1)
+            taken, dropped = _extrapolate(self._held, count), _extrapolate(self._before, count + 1)
             is_taken = np.abs(taken[-1] - told).max() <= np.abs(dropped[-1] - told).max()
             self._held = taken if is_taken else dropped
             self._commands = np.vstack((self._commands, rows[:-1]))[-3:]
@@ -81,7 +81,7 @@ class LostCycles:
         return q
 
 
-def _gone_on(held: Array, count: int) -> Array:
+def _extrapolate(held: Array, count: int) -> Array:
     """Return the last three positions after some cycles at the last acceleration, shape (3, n)."""
     for _ in range(count):
         held = np.vstack((held[1:], 3.0 * held[2] - 3.0 * held[1] + held[0]))

@@ -9,11 +9,19 @@ from ..inputs.fields import Array
 from ..laws import Adaptive
 from ..laws.guard import StreamGuard
 from ..laws.parts.jacobian import LEVER
+from ..laws.parts.progress import (
+    LEAST,
+    NO_PROGRESS,
+    PATIENCE,
+    advance,
+    asks_for_nothing,
+    fastest_tool,
+)
 from ..laws.parts.reach_edge import out_of_reach
 from ..robot.arm import Arm
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
-from .progress import LEAST, Progress, WayBack, asks_for_nothing, is_another_twist
+from .progress import WayBack, is_another_twist
 from .twist_lead import Feedback, TwistLead
 
 #: A tool that is this far off its pose wants to get on [m, rad].
@@ -25,8 +33,9 @@ _LITTLE = 0.2
 # Deceleration and largest speed with which a tool joins poses [m/s^2, m/s]; the first is no more
 # than joints that are slow to brake can make of it, this far from the tool [m].
 _BRAKING, _JOINING, _ARM = 1.0, 0.5, 0.5
-# Time without progress after which the tool wants less speed [s]: to a pose it may first go astray.
-_PATIENCE = {"twists": 0.25, "poses": 0.8}
+# Time without progress after which the tool wants less speed along a twist, on which it does not go
+# astray [s].
+_TWIST_PATIENCE = 0.25
 # Joints of a tool that does not get on are no faster than a share of this [rad/s].
 _CALM = 1.0
 # What makes the rows of a twist lengths a second.
@@ -69,7 +78,7 @@ class ToolTracking:
         self._feedbacks = turn, Feedback(own.kappa, own.braking, own.feedback_limit)
         self._lead = TwistLead(*self._feedbacks, period)
         self._has_begun = False
-        self._progress, self._way_back = Progress(), WayBack()
+        self._progress, self._way_back = NO_PROGRESS, WayBack()
         # Whether the tool wants less than all of its speed, as of the last that led it anywhere.
         self._is_at_end = False
         # What is followed since progress is counted: the twist; the pose, and the velocity that it
@@ -81,7 +90,7 @@ class ToolTracking:
     def clear(self) -> None:
         """Have the next twist or pose begin where the tool is then."""
         self._lead.clear()
-        self._progress.clear()
+        self._progress = NO_PROGRESS
         self._way_back.clear()
         # The law too: what it wanted before is no longer wanted.
         self._has_begun = False
@@ -102,7 +111,7 @@ class ToolTracking:
         self._pose = None
         here = kinematics.R_WE(q), kinematics.p_WE(q)
         v = self._velocity(t, guard, *self._lead.pose(t, V_WE, V_tool, here))
-        return self._within_progress(guard, v, wanted, _PATIENCE["twists"])
+        return self._within_progress(guard, v, wanted, _TWIST_PATIENCE)
 
     def follow_pose(
         self, t: float, guard: StreamGuard, here: tuple[Array, Array], ahead: tuple[Array, Array]
@@ -122,7 +131,7 @@ class ToolTracking:
             self._pose, self._asked = here, wanted
         self._twist = None
         share = self._progress.share
-        v = self._within_progress(guard, v, wanted, _PATIENCE["poses"])
+        v = self._within_progress(guard, v, wanted, PATIENCE)
         if self._progress.share == LEAST < share:
             # What is asked for has turned since, while the pose went on and the tool did not.
             self._asked = wanted
@@ -140,7 +149,7 @@ class ToolTracking:
             self._way_back.turn(q)
         else:
             self._way_back.clear()
-        self._progress.clear()
+        self._progress = NO_PROGRESS
 
     def _leads_elsewhere(self, here: tuple[Array, Array], wanted: Array) -> bool:
         """Return whether a pose leads elsewhere than the one since which progress is counted.
@@ -166,25 +175,23 @@ class ToolTracking:
             guard: What commands the arm.
             v: Velocities that the law chooses, shape (n,) [rad/s].
             wanted: Task velocity that is wanted, of rows that are lengths, shape (6,) [m/s].
-            patience: See `Progress.note`.
+            patience: See `drake_rnn.laws.parts.progress.advance`.
         """
-        q, limits, progress, period = guard.position, self._limits, self._progress, self._period
+        q, limits, period = guard.position, self._limits, self._period
         speed = float(np.linalg.norm(wanted))
         if (back := self._way_back.velocity(q, speed, period)) is not None:
             return back / max(float((np.abs(back) / limits.toward("velocity", back)).max()), 1.0)
 
         def fastest(age: float) -> float:
-            columns = np.linalg.norm(_LENGTHS[:, None] * self._step.u["J"], axis=0)
-            v = limits.sides("velocity").largest
-            if limits.acceleration is not None:
-                v = np.minimum(v, limits.sides("acceleration").largest * age)
-            return float(columns @ v)
+            return float(fastest_tool(_LENGTHS[:, None] * self._step.u["J"], limits, age))
 
         V_tool = _LENGTHS * self._tool_velocity(guard)
-        progress.note(wanted, V_tool, period, patience, fastest)
-        if not asks_for_nothing(wanted):
-            self._is_at_end = progress.share < 1.0
-            self._way_back.note(q, progress.gained)
+        if asks_for_nothing(wanted):
+            self._progress = NO_PROGRESS
+            return v
+        progress = advance(self._progress, wanted, V_tool, period, patience, fastest)
+        self._progress, self._is_at_end = progress, progress.share < 1.0
+        self._way_back.note(q, progress.gained)
         return progress.share * v
 
     @property

@@ -77,6 +77,10 @@ PROGRESS, REST, LEAVES = 1e-3, 0.01, 1e-3
 # Within which time the alarm is to tell [s], how often it is looked at [s], and how near a pair is
 # that is in the way [m].
 ALARM, LOOKS, NEAR = 0.3, 0.05, 0.013
+# After which time without progress shields call back that they are blocked [s].
+AT_ONCE = 1e-6
+# Every how many-th sample distances are looked at first, and slack for rounding [m].
+SPARSE, SLACK = 20, 1e-9
 # What is beyond a limit, as a share of it.
 EXACT = 1e-9
 # Where the second Panda stands [m], and for how long it is led on at most [s].
@@ -112,6 +116,7 @@ class Side(NamedTuple):
         arm: The arm.
         block: Its joints among those that are commanded.
         other: What targets of the other arm are given to; None if there is none or it rests.
+        alarm: What comes to have something in it when an arm does not get on any more.
     """
 
     shield: Any
@@ -119,14 +124,16 @@ class Side(NamedTuple):
     arm: Arm
     block: slice
     other: Any
+    alarm: list[Any]
 
     @classmethod
-    def of(cls, shield: Shield | DualArmShield, moves: bool) -> Side:
+    def of(cls, shield: Shield | DualArmShield, moves: bool, alarm: list[Any]) -> Side:
         """Return it."""
         if isinstance(shield, DualArmShield):
             source, arm = shield["left"], shield.arm.parts[0]
-            return cls(shield, source, arm, source.block, shield["right"] if moves else None)
-        return cls(shield, shield, shield.arm, slice(None), None)
+            other = shield["right"] if moves else None
+            return cls(shield, source, arm, source.block, other, alarm)
+        return cls(shield, shield, shield.arm, slice(None), None, alarm)
 
 
 def scene(
@@ -177,19 +184,21 @@ def episode(seed: int, *, meshes: tuple[str, ...] = (), compiled: bool = True) -
     speed, moves = float(rng.uniform(0.05, 0.3)), bool(rng.random() < 0.5)
     held = HELD if rng.random() < TO_THE_END else None
     found: Found = {"arm": name, "kind": kind, "into": into, "period": period, "jerk": jerk}
-    settings, home = ShieldSettings(compiled=compiled), arm.home
+    settings, home = ShieldSettings(compiled=compiled, blocked_after=AT_ONCE), arm.home
     maker: Any = DualArmShield if name == PAIR else Shield
+    alarm: list[Any] = []
+    how: Found = {"limits": limits, "on_blocked": lambda *status: alarm.append(status)}
     for _ in range(50):
         q = home + rng.uniform(-0.3, 0.3, arm.n)
         obstacles, target = scene(rng, into, arm, q)
         try:
-            shield = maker(arm, period, settings, start=q, limits=limits, obstacles=obstacles)
+            shield = maker(arm, period, settings, start=q, obstacles=obstacles, **how)
         except InvalidInputError:
             continue
         break
     else:
         return found | {"refused": True}
-    side = Side.of(shield, moves)
+    side = Side.of(shield, moves, alarm)
     found |= judged(side, kind, target, speed, held)
     motion = found.pop("motion")
     if meshes:
@@ -206,7 +215,7 @@ def judged(side: Side, kind: str, target: Array, speed: float, held: float | Non
     along = [stick.along(q[0][side.block])]
     told = []
     period, k = shield.period, 0
-    looks = max(round(LOOKS / period), 1)
+    looks, last = max(round(LOOKS / period), 1), round(ALARM / period) + 3
     while not _is_over(along, v, period, held):
         t = k * period
         stick.hold(t, 1.0)
@@ -215,9 +224,12 @@ def judged(side: Side, kind: str, target: Array, speed: float, held: float | Non
         q.append(shield.command(t))
         v.append(shield.velocity)
         along.append(np.maximum(along[-1], stick.along(q[-1][side.block])))
-        if k % looks == 0:
+        # What is told while it gets on, or long after that, does not count.
+        if k % looks == 0 and side.alarm and (along[-1] > along[max(k - last, 0)]).any():
             status = side.source.status
             told.append((t, status.blocked_for, status.limited_by))
+            if not status.blocked_for:
+                side.alarm.clear()
         k += 1
     end, back = k, stick.along(q[-1][side.block])
     while k < end + round((LEFT + BACK) / period):
@@ -231,7 +243,7 @@ def judged(side: Side, kind: str, target: Array, speed: float, held: float | Non
         "beyond": _beyond(np.array(v), limits, period),
         "outside": float(limits.violation(motion).max()),
         "uncertified": shield.uncertified,
-        "distance": float(clearance.least_along(motion).min()) if clearance.count else 1.0,
+        "distance": _least(clearance, motion),
         "ended": ended,
         "held": end * period,
         "moved": float(np.abs(motion[end + round(LEFT / period)] - motion[end]).max()),
@@ -337,6 +349,27 @@ def _is_over(along: list[Array], v: list[Array], period: float, held: float | No
     if (along[-1] > along[-1 - samples] + PROGRESS).any():
         return False
     return float(np.abs(v[-round((ON - SETTLED) / period) :]).max()) < REST
+
+
+def _least(clearance: Any, motion: Array) -> float:
+    """Return the least distance of a motion [m].
+
+    Parts of it that no joint takes far enough to come near the least that is known are left out.
+    """
+    if not clearance.count:
+        return 1.0
+    gaps = clearance.gaps(motion[::SPARSE])
+    steps = np.abs(np.diff(motion, axis=0))
+    parts = np.add.reduceat(steps, np.arange(0, len(steps), SPARSE))
+    # Of all pairs, from the posture before a part to anywhere in it.
+    can_be = (gaps[: len(parts)] - parts @ clearance.reaches.T).min(axis=1)
+    least = float(gaps.min())
+    for k in np.argsort(can_be):
+        if can_be[k] > least + SLACK:
+            break
+        part = motion[k * SPARSE : (k + 1) * SPARSE + 1]
+        least = min(least, float(clearance.least_along(part).min()))
+    return least
 
 
 def _tells(told: list[Any], ended: float, clearance: Any, motion: Array, period: float) -> bool:

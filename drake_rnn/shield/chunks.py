@@ -278,11 +278,20 @@ class ChunkPath:
         # Until the chunk begins, the way is that of the one before.
         begin = max(now, float(chunk.times[0]))
         window: Array = begin + self.overlap / _PIECES * np.arange(_PIECES + 1, dtype=np.float64)
-        times = _instants(now, old.times, chunk.times, window)
-        times = times[: times.searchsorted(max(float(chunk.times[-1]), window[-1]), side="right")]
+        end = max(float(chunk.times[-1]), window[-1].item())
+        # A way that follows a stick has hundreds of targets: it is looked up only between them.
+        new = np.concatenate(((now,), chunk.times, window, old.times[-1:])).clip(now, None)
+        new = new[new <= end]
+        kept = slice(*old.times[:-1].searchsorted((now, end), side="right"))
+        times = np.concatenate((new, old.times[kept]))
+        values = np.concatenate((old.at(new), old.values[kept]))
+        order = times.argsort(kind="stable")
+        # Of those that a way that waits has at the same time, the last one counts.
+        order = order[np.append(np.diff(times[order]) > 0.0, True)]
+        times, values = times[order], values[order]
         weight = ((times - begin) / self.overlap).clip(0.0, 1.0)[:, None]
-        new = chunk.values if len(chunk.times) == 1 else chunk.at(times)
-        return Chunk(times, (1.0 - weight) * old.at(times) + weight * new)
+        chunk_values = chunk.values if len(chunk.times) == 1 else chunk.at(times)
+        return Chunk(times, (1.0 - weight) * values + weight * chunk_values)
 
     def _ensemble(self, chunk: Chunk, now: float) -> Chunk:
         """Return the weighted mean of the chunks that have a target from now on."""

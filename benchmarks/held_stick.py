@@ -5,8 +5,7 @@ as a pose: into the arm's own body, into a table or a wall, into another arm, or
 reach. Then it is moved back the way that it came::
 
     python benchmarks/held_stick.py --cases 10000 --kept FILE --jobs 2
-    python benchmarks/held_stick.py --cases 200 --meshes franka_description=FOLDER \\
-        --meshes lbr_description=FOLDER
+    python benchmarks/held_stick.py --cases 200 --meshes franka_description=FOLDER --meshes ...
 
 Arm, period (1, 5, 10 ms), bounds of acceleration and jerk (50, 500, 5000 rad/s^3), the kind of
 target, what it is held into, speed and start are drawn from the seed of each episode. Steps are in

@@ -135,6 +135,9 @@ class ToolTracking:
         the way it came.
         """
         is_back = before is not None and self._is_at_end and wanted @ before < 0.0
+        if is_back:
+            # What it strayed from its line while something held it is not taken back on the way.
+            self._lead.clear()
         brings = np.linalg.norm(wanted @ (_LENGTHS[:, None] * self._step.u["J"]))
         if is_back and brings < _LITTLE * np.linalg.norm(wanted):
             self._way_back.turn(q)

@@ -489,6 +489,29 @@ class LastStep(NamedTuple):
             pairs = pairs[clearance.reaches[pairs, self.block].any(axis=1) & differ]
         return Causes(limits[self.block], pairs)
 
+    def pairs_in_the_way(
+        self, v: Array, known: Sequence[int] = (), within: float = 0.0
+    ) -> NDArray[np.intp]:
+        """Return the pairs that would hold back velocities of its joints, where they are now.
+
+        Args:
+            v: Velocities, shape (n,) [rad/s]; those of other joints are what they are.
+            known: Further pairs, which are in the way while they are near.
+            within: Distance below which they are [m].
+        """
+        law = self.reading.law
+        if law.clearance is None:
+            return np.zeros(0, dtype=np.intp)
+        wanted = self.v.copy()
+        wanted[self.block] = v
+        q = self.reading.state.by_name(self.x)["commanded"]
+        near = law.clearance.near(q[None], self.u.get("p_WO"))
+        gaps, is_known = near.gaps[0], np.isin(near.pairs, known)
+        room = law.avoidance.approach * np.maximum(gaps - law.avoidance.distance, 0.0)
+        holds = -near.slopes[0] @ wanted > room + _LEAST_EXCESS
+        is_of_joints = law.clearance.reaches[:, self.block].any(axis=1)
+        return np.flatnonzero(is_of_joints & (holds | (is_known & (gaps < within))))
+
 
 @with_own_errors
 class StreamGuard:

@@ -59,7 +59,7 @@ from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint, require_resting
 from ..robot.rotation import rotation_error
 from ..systems import start_posture
-from .blockage import Blockage
+from .blockage import Blockage, Look
 from .chunks import (
     NAMES,
     WIDTHS,
@@ -939,7 +939,12 @@ class StreamShield(GuardedCommands):
         if self._is_settled(now, q):
             self._arrived = self._followed
         blocked = self._blocked_for(q, self._blockage.time + passed)
-        self._blockage.note(blocked, lambda: self.last_step, lambda: self.status)
+        self._blockage.note(blocked, self._look, lambda: self.status)
+
+    def _look(self) -> Look:
+        """Return what is looked at to find what is in the way."""
+        is_of_tool = self._kind in ("poses", "twists")
+        return Look(self.last_step, self._tool.whole_velocity if is_of_tool else self._wanted)
 
     def _blocked_for(self, q: Array, longer: float) -> float:
         """Return for how long the arm has not got on [s], which is `longer` if it still does not.
@@ -1044,7 +1049,7 @@ class StreamShield(GuardedCommands):
         return at_work if at_work else self._reach_limits()
 
     def _pairs_of_blockage(self) -> tuple[int, ...]:
-        """Return the numbers of the pairs that were in the way as the arm came to be blocked."""
+        """Return the numbers of the pairs in the way of an arm that does not get on."""
         return self._blockage.pairs
 
     def _reach_limits(self) -> tuple[str, ...]:

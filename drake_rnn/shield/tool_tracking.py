@@ -77,6 +77,8 @@ class ToolTracking:
         self._twist: Array | None = None
         self._pose: tuple[Array, Array] | None = None
         self._asked = np.zeros(6)
+        #: Velocities that the law chose last, of which the tool wants a share, shape (n,) [rad/s].
+        self.whole_velocity = np.zeros(arm.n)
 
     def clear(self) -> None:
         """Have the next twist or pose begin where the tool is then."""
@@ -171,6 +173,7 @@ class ToolTracking:
             wanted: Task velocity that is wanted, of rows that are lengths, shape (6,) [m/s].
             patience: See `Progress.note`.
         """
+        self.whole_velocity = v
         q, limits, progress, period = guard.position, self._limits, self._progress, self._period
         speed = float(np.linalg.norm(wanted))
         if (back := self._way_back.velocity(q, speed, period)) is not None:

@@ -72,10 +72,11 @@ class ToolTracking:
         self._progress, self._way_back = Progress(), WayBack()
         # Whether the tool wants less than all of its speed, as of the last that led it anywhere.
         self._is_at_end = False
-        # What is followed since progress is counted: the twist; the pose, and the velocity that it
-        # asked for.
+        # The twist since which progress is counted; the pose as the tool last got on or came to
+        # rest, where the tool was then, and the velocity that it asked for.
         self._twist: Array | None = None
         self._pose: tuple[Array, Array] | None = None
+        self._place = np.eye(3), np.zeros(3)
         self._asked = np.zeros(6)
         #: Velocities that the law chose last, of which the tool wants a share, shape (n,) [rad/s].
         self.whole_velocity = np.zeros(arm.n)
@@ -118,16 +119,16 @@ class ToolTracking:
             ahead: The same a period later.
         """
         v = self._velocity(t, guard, here, ahead)
-        wanted = self._wanted()
-        if self._pose is None or self._leads_elsewhere(here, wanted):
+        u = self._step.u
+        place = np.array(u["R_WE"]), np.array(u["p_WE"])
+        wanted = self._wanted(place)
+        if is_new := self._pose is None or self._leads_elsewhere(here):
             self._turn(guard.position, wanted, None if self._pose is None else self._asked)
-            self._pose, self._asked = here, wanted
         self._twist = None
         share = self._progress.share
         v = self._within_progress(guard, v, wanted, _PATIENCE["poses"])
-        if self._progress.share == LEAST < share:
-            # What is asked for has turned since, while the pose went on and the tool did not.
-            self._asked = wanted
+        if is_new or not self._progress.blocked or self._progress.share == LEAST < share:
+            self._pose, self._place, self._asked = here, place, wanted
         return v
 
     def _turn(self, q: Array, wanted: Array, before: Array | None) -> None:
@@ -147,19 +148,19 @@ class ToolTracking:
             self._way_back.clear()
         self._progress.clear()
 
-    def _leads_elsewhere(self, here: tuple[Array, Array], wanted: Array) -> bool:
-        """Return whether a pose leads elsewhere than the one since which progress is counted.
+    def _leads_elsewhere(self, here: tuple[Array, Array]) -> bool:
+        """Return whether a pose leads elsewhere than it did as the tool last got on, from there.
 
-        One that goes on behind what stands in the way does not.
+        One that goes on behind what stands in the way does not; nor where the tool slides aside.
 
         Args:
             here: See `follow_pose`.
-            wanted: The task velocity that it asks for, of rows that are lengths, shape (6,) [m/s].
         """
         assert self._pose is not None
         (R, p), (R_before, p_before) = here, self._pose
         if np.linalg.norm(p - p_before) <= OFF and angle_between(R_before, R) <= TURNED:
             return False
+        wanted = self._wanted(self._place)
         return asks_for_nothing(self._asked) or is_another_twist(wanted, self._asked)
 
     def _within_progress(
@@ -206,13 +207,17 @@ class ToolTracking:
         error = _LENGTHS * np.concatenate((turn, u["p_WE_desired"] - u["p_WE"]))
         return out_of_reach(_LENGTHS[:, None] * u["J"], error, u["position"], limits)
 
-    def _wanted(self) -> Array:
-        """Return the task velocity that the law wants, of rows that are lengths, (6,) [m/s]."""
-        u, (of_turn, of_way) = self._step.u, self._feedbacks
+    def _wanted(self, place: tuple[Array, Array]) -> Array:
+        """Return the task velocity that the law wants, of rows that are lengths, (6,) [m/s].
+
+        Args:
+            place: Orientation and position of the tool from which it is wanted, in W.
+        """
+        u, (of_turn, of_way), (R, p) = self._step.u, self._feedbacks, place
         turning = rotation_error(u["R_WE_desired"], u["R_preview"]) / self._period
         moving = (u["p_preview"] - u["p_WE_desired"]) / self._period
-        turning = turning + of_turn.velocity(rotation_error(u["R_WE"], u["R_WE_desired"]))
-        moving = moving + of_way.velocity(u["p_WE_desired"] - u["p_WE"])
+        turning = turning + of_turn.velocity(rotation_error(R, u["R_WE_desired"]))
+        moving = moving + of_way.velocity(u["p_WE_desired"] - p)
         return _LENGTHS * np.concatenate((turning, moving))
 
     def _tool_velocity(self, guard: StreamGuard) -> Array:

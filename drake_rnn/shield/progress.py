@@ -26,6 +26,7 @@ from math import exp, sqrt
 import numpy as np
 
 from ..inputs.fields import Array
+from ..robot.limits import JointLimits
 
 # Share of the work of what is wanted that is progress, and that makes a tool faster.
 _LEAST_GAIN, _FREE = 0.1, 0.25
@@ -104,6 +105,58 @@ class Progress:
         # One that turns round goes well again before the speed falls.
         if self._since > patience and not (self._well and self.share == 1.0):
             self.share = max(LEAST, self.share * exp(-period / _FALL))
+
+
+class JointProgress:
+    """What each joint gets on along the velocity that is asked of it.
+
+    One that does not wants less and less, so that it no longer pushes others along what is in its
+    way; one that does has all of its velocity.
+
+    Args:
+        limits: Limits of the joints.
+        period: Time between two samples [s].
+        patience: See `Progress.note`.
+    """
+
+    def __init__(self, limits: JointLimits, period: float, patience: float) -> None:
+        self._period, self._patience = period, patience
+        self._fastest = limits.sides("velocity").largest
+        self._most = None
+        if limits.acceleration is not None:
+            self._most = limits.sides("acceleration").largest
+        self._joints = [Progress() for _ in range(limits.size)]
+        self._asked, self._is_noted = np.zeros(limits.size), False
+
+    def clear(self) -> None:
+        """Begin anew."""
+        for joint in self._joints:
+            joint.clear()
+        self._is_noted = False
+
+    def shares(self, asked: Array, v: Array) -> Array:
+        """Return the shares of their velocities that joints may want, after a sample, shape (n,).
+
+        Args:
+            asked: Velocities that are asked for, shape (n,) [rad/s].
+            v: Those of the joints, likewise.
+        """
+        before, self._asked = self._asked, asked
+        if not self._is_noted and (v * asked >= _LEAST_GAIN * asked * asked).all():
+            return np.ones(asked.size)
+        self._is_noted = True
+        for k, joint in enumerate(self._joints):
+            if asked[k] * before[k] <= 0.0:
+                joint.clear()
+
+            def fastest(age: float, k: int = k) -> float:
+                most = np.inf if self._most is None else float(self._most[k]) * age
+                return min(float(self._fastest[k]), most)
+
+            joint.note(asked[k : k + 1], v[k : k + 1], self._period, self._patience, fastest)
+        if not any(joint.blocked for joint in self._joints):
+            self._is_noted = any(joint.share < 1.0 for joint in self._joints)
+        return np.array([joint.share for joint in self._joints])
 
 
 class WayBack:

@@ -25,8 +25,8 @@ _LITTLE = 0.2
 # Deceleration and largest speed with which a tool joins poses [m/s^2, m/s]; the first is no more
 # than joints that are slow to brake can make of it, this far from the tool [m].
 _BRAKING, _JOINING, _ARM = 1.0, 0.5, 0.5
-# Time without progress after which the tool wants less speed [s]: to a pose it may first go astray.
-_PATIENCE = {"twists": 0.25, "poses": 0.8}
+#: Time without progress after which less speed is wanted [s]: to a pose a tool may first go astray.
+PATIENCE = {"velocities": 0.25, "twists": 0.25, "poses": 0.8}
 # Joints of a tool that does not get on are no faster than a share of this [rad/s].
 _CALM = 1.0
 # What makes the rows of a twist lengths a second.
@@ -105,7 +105,7 @@ class ToolTracking:
         self._pose = None
         here = kinematics.R_WE(q), kinematics.p_WE(q)
         v = self._velocity(t, guard, *self._lead.pose(t, V_WE, V_tool, here))
-        return self._within_progress(guard, v, wanted, _PATIENCE["twists"])
+        return self._within_progress(guard, v, wanted, PATIENCE["twists"])
 
     def follow_pose(
         self, t: float, guard: StreamGuard, here: tuple[Array, Array], ahead: tuple[Array, Array]
@@ -126,7 +126,7 @@ class ToolTracking:
             self._turn(guard.position, wanted, None if self._pose is None else self._asked)
         self._twist = None
         share = self._progress.share
-        v = self._within_progress(guard, v, wanted, _PATIENCE["poses"])
+        v = self._within_progress(guard, v, wanted, PATIENCE["poses"])
         if is_new or not self._progress.blocked or self._progress.share == LEAST < share:
             self._pose, self._place, self._asked = here, place, wanted
         return v

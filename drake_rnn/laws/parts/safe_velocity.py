@@ -541,7 +541,7 @@ class WithinClear:
             Which pairs these are, and how near each may come along the stop, shape (p,) each [m].
         """
         choice = self.within.choice(state, period, program)
-        _, sight, scan = self._look_around(state, u, period, choice)
+        *_, scan = self._look_around(state, u, period, choice)
         gaps = scan.along.gaps.min(axis=0)
         room = self.avoidance.approach * np.maximum(gaps - self.avoidance.distance, 0.0)
         return -scan.slopes[0] @ v > room + _MET, gaps

@@ -24,11 +24,14 @@ An episode has these judgements:
   told in the table);
 - *rests*: progress has ended when the tool goes no further than a millimetre along what is asked
   for until the stick is let go of, or no joint further than a milliradian in the direction of the
-  velocity that is asked of it; 2 s later no joint may be faster than 0.01 rad/s;
-- *tells*: within 0.3 s of that, ``limited_by`` names what is in the way, a pair that is nearer than
-  3 mm beyond the distance at which arms rest, or a limit, and ``blocked_for`` counts;
+  velocity that is asked of it; 2 s later, and once no other arm is led towards it, no joint may be
+  faster than 0.01 rad/s;
+- *tells*: within 0.3 s of that, ``limited_by`` names what is in the way, a pair that from the end
+  of progress until the arm is to rest comes nearer than 3 mm beyond the distance at which arms
+  rest, or a limit, and ``blocked_for`` counts;
 - *leaves*: 0.5 s after the stick is moved back, a joint has moved by a milliradian, and a second
-  later the tool has gone a millimetre of the way that it came, or a joint a milliradian.
+  later the tool has gone a millimetre of the way that it came, nearer to its start for a pose, or a
+  joint a milliradian.
 
 A stick is held for 9 s, or, in three of four episodes, until progress has ended 2.5 s ago and the
 arm rests. Episodes in which progress does not end are counted apart: an arm that slides along a
@@ -83,8 +86,9 @@ ALARM, LOOKS, NEAR = 0.3, 0.05, 0.013
 AT_ONCE = 1e-6
 # What is beyond a limit, as a share of it.
 EXACT = 1e-9
-# Where the second Panda stands [m], and for how long it is led on at most [s].
-BESIDE, LED = 1.1, 4.0
+# Where the second Panda stands [m], for how long it is led on at most, and from when on it is at
+# rest, so that it pushes the first one no more [s].
+BESIDE, LED, PUSHED = 1.1, 4.0, 5.0
 # Largest velocity of a joint by the speed of the tool [rad/m], and the share of it below which a
 # joint is left alone.
 FAST, MATTERS = 3.0, 0.4
@@ -219,7 +223,8 @@ def judged(side: Side, kind: str, target: Array, speed: float, held: float | Non
     told = []
     period, k = shield.period, 0
     looks, last = max(round(LOOKS / period), 1), round(ALARM / period) + 3
-    while not _is_over(along, v, period, held):
+    pushed = PUSHED if side.other is not None else 0.0
+    while not _is_over(along, v, period, HELD if k * period < pushed + ON - SETTLED else held):
         t = k * period
         stick.hold(t, 1.0)
         if side.other is not None:
@@ -234,7 +239,7 @@ def judged(side: Side, kind: str, target: Array, speed: float, held: float | Non
             if not status.blocked_for:
                 side.alarm.clear()
         k += 1
-    end, back = k, stick.along(q[-1][side.block])
+    end = k
     while k < end + round((LEFT + BACK) / period):
         stick.hold(k * period, -1.0)
         q.append(shield.command(k * period))
@@ -250,10 +255,10 @@ def judged(side: Side, kind: str, target: Array, speed: float, held: float | Non
         "ended": ended,
         "held": end * period,
         "moved": float(np.abs(motion[end + round(LEFT / period)] - motion[end]).max()),
-        "left": float((back - stick.along(motion[-1][side.block])).max()),
+        "left": stick.way_back(motion[end][side.block], motion[-1][side.block]),
         "motion": motion,
     }
-    later = np.array(v[3:])[round((ended + SETTLED) / period) : end, side.block]
+    later = np.array(v[3:])[round(max(ended + SETTLED, pushed) / period) : end, side.block]
     if len(later) * period < ON - SETTLED - 0.05:
         later = np.array(v[3:])[end - round((ON - SETTLED) / period) : end, side.block]
         return found | {"slides": True, "speed": float(np.abs(later).max())}
@@ -298,6 +303,19 @@ class Stick:
         if self._kind == "velocity":
             return np.sign(self._v) * q
         return np.array([self._way @ self._kinematics.p_WE(q)])
+
+    def way_back(self, q: Array, q_later: Array) -> float:
+        """Return how far the tool, or a joint, has gone back, shape (n,) each [rad].
+
+        A pose leads it back to its start, which may be on either side of where it was held up.
+        """
+        if self._kind != "pose":
+            return float((self.along(q) - self.along(q_later)).max())
+        left, left_later = (
+            float(np.linalg.norm(self._kinematics.p_WE(each) - self._start[:3]))
+            for each in (q, q_later)
+        )
+        return left - left_later
 
     def hold(self, t: float, sign: float) -> None:
         """Give its targets to the shield.
@@ -366,11 +384,13 @@ def _least(clearance: Any, motion: Array) -> float:
 def _tells(told: list[Any], ended: float, clearance: Any, motion: Array, period: float) -> bool:
     """Return whether the alarm tells the true reason in time.
 
-    Where a pair is named, it must be one that is near; a limit, where none is near, or besides.
+    Where a pair is named, it must be one that comes near until the arm is at rest: one that still
+    moves is kept farther off. A limit may be named where none is, or besides.
     """
     for t, blocked_for, causes in told:
         if ended <= t <= ended + ALARM + period and blocked_for > 0.0 and causes:
-            gaps = clearance.gaps(motion[round(t / period)])
+            until = round((ended + SETTLED) / period)
+            gaps = clearance.gaps(motion[round(ended / period) : until + 1]).min(axis=0)
             near = {frozenset(clearance.names[k]) for k in np.flatnonzero(gaps < NEAR)}
             pairs = {frozenset(each.split(" and ")) for each in causes if " and " in each}
             if pairs & near or not pairs:

@@ -9,9 +9,11 @@ is wanted and that of the tool, V. To a pose at rest b is the gradient of a func
 and along a constant twist it is constant: so a motion to and fro adds nothing beyond the largest
 value so far. While that does not grow by a tenth of what b alone would make of it, the speed falls,
 after a while in which the arm may just be starting or turning round, to a three-hundredth. With
-that the arm feels its way, and is as fast as before half a second after the way is free. A tool
+that the arm feels its way, and is as fast as before half a second after the way is free; what
+hardly counts as progress, along a wall, does not make it faster. A tool
 that was on its way elsewhere has lost some of that work as it turns round: once it has gone well
-along b for a while, progress counts from there. What asks for something else has all of the speed.
+along b for a while with all of its speed, progress counts from there; what one that feels its way
+has slid back, it first makes good. What asks for something else has all of the speed.
 Joints may be too slow for b: it counts as no more than what their limits can make of it by then.
 """
 
@@ -24,16 +26,16 @@ from math import exp, sqrt
 import numpy as np
 
 from ..inputs.fields import Array
+from ..robot.limits import JointLimits
 
-# Share of the work of what is wanted that is progress.
-_LEAST_GAIN = 0.1
+# Share of the work of what is wanted that is progress, and that makes a tool faster.
+_LEAST_GAIN, _FREE = 0.1, 0.25
 # Time over which progress is a mean, in which the speed falls and grows by a factor of e [s].
 _MEAN, _FALL, _GROWTH = 0.1, 0.15, 0.08
 #: Least share of its speed that a tool wants.
 LEAST = 3e-3
-# Share of the work with which a tool goes well along what is wanted, and for how long it must [s],
-# also with all of its speed: what it has slid back from a table, it goes well again.
-_WELL, _LONG, _FAR = 0.5, 0.3, 0.02
+# Share of the work with which a tool goes well along what is wanted, and for how long it must [s].
+_WELL, _LONG = 0.5, 0.3
 # Way of a tool between two postures that are remembered [m], and how many are; the share of the way
 # back that is left where it ends, and the longest time for it [s].
 _SPACING, _POSTURES, _THERE, _LONGEST = 2e-3, 10, 0.2, 1.0
@@ -57,7 +59,7 @@ class Progress:
         """Begin anew, with something else that is wanted."""
         self.share, self.blocked, self.gained = 1.0, 0.0, 0.0
         self._ahead, self._rate, self._since = 0.0, 0.0, 0.0
-        self._well, self._went, self._age = 0.0, 0.0, 0.0
+        self._well, self._age = 0.0, 0.0
 
     def note(
         self,
@@ -87,23 +89,74 @@ class Progress:
         power = float(wanted @ V_tool)
         if power < _WELL * self.share * square:
             square = size * min(size, fastest(self._age))
-        if power >= _WELL * self.share * square:
-            self._well, self._went = self._well + period, self._went + self.share * period
-        else:
-            self._well = self._went = 0.0
-        is_on_its_way = self._well >= _LONG and self._went >= _FAR
+        self._well = self._well + period if power >= _WELL * self.share * square else 0.0
+        is_on_its_way = self._well >= _LONG and self.share == 1.0
         self._ahead = period * power + (0.0 if is_on_its_way else self._ahead)
         gained, self._ahead = max(self._ahead, 0.0), min(self._ahead, 0.0)
         self.gained = gained / size
         self._rate += (gained - period * self._rate) / (_MEAN + period)
         self.blocked = 0.0 if self._rate >= _LEAST_GAIN * square else self.blocked + period
         if self._rate >= _LEAST_GAIN * self.share * square:
-            self._since, self.share = 0.0, min(1.0, self.share * exp(period / _GROWTH))
+            self._since = 0.0
+            if self._rate >= _FREE * self.share * square:
+                self.share = min(1.0, self.share * exp(period / _GROWTH))
             return
         self._since += period
         # One that turns round goes well again before the speed falls.
         if self._since > patience and not (self._well and self.share == 1.0):
             self.share = max(LEAST, self.share * exp(-period / _FALL))
+
+
+class JointProgress:
+    """What each joint gets on along the velocity that is asked of it.
+
+    One that does not wants less and less, so that it no longer pushes others along what is in its
+    way; one that does has all of its velocity.
+
+    Args:
+        limits: Limits of the joints.
+        period: Time between two samples [s].
+        patience: See `Progress.note`.
+    """
+
+    def __init__(self, limits: JointLimits, period: float, patience: float) -> None:
+        self._period, self._patience = period, patience
+        self._fastest = limits.sides("velocity").largest
+        self._most = None
+        if limits.acceleration is not None:
+            self._most = limits.sides("acceleration").largest
+        self._joints = [Progress() for _ in range(limits.size)]
+        self._asked, self._is_noted = np.zeros(limits.size), False
+
+    def clear(self) -> None:
+        """Begin anew."""
+        for joint in self._joints:
+            joint.clear()
+        self._is_noted = False
+
+    def shares(self, asked: Array, v: Array) -> Array:
+        """Return the shares of their velocities that joints may want, after a sample, shape (n,).
+
+        Args:
+            asked: Velocities that are asked for, shape (n,) [rad/s].
+            v: Those of the joints, likewise.
+        """
+        before, self._asked = self._asked, asked
+        if not self._is_noted and (v * asked >= _LEAST_GAIN * asked * asked).all():
+            return np.ones(asked.size)
+        self._is_noted = True
+        for k, joint in enumerate(self._joints):
+            if asked[k] * before[k] <= 0.0:
+                joint.clear()
+
+            def fastest(age: float, k: int = k) -> float:
+                most = np.inf if self._most is None else float(self._most[k]) * age
+                return min(float(self._fastest[k]), most)
+
+            joint.note(asked[k : k + 1], v[k : k + 1], self._period, self._patience, fastest)
+        if not any(joint.blocked for joint in self._joints):
+            self._is_noted = any(joint.share < 1.0 for joint in self._joints)
+        return np.array([joint.share for joint in self._joints])
 
 
 class WayBack:

@@ -59,7 +59,7 @@ from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint, require_resting
 from ..robot.rotation import rotation_error
 from ..systems import start_posture
-from .blockage import Blockage
+from .blockage import Blockage, Look
 from .chunks import (
     NAMES,
     WIDTHS,
@@ -75,6 +75,7 @@ from .chunks import (
 from .chunks import Kind as Kind
 from .guarded_commands import GuardedCommands
 from .pose_filter import PoseFilter, Tracking, unit_poses
+from .progress import JointProgress
 from .pursuit import Pursuit, WayPursuit
 from .report import (
     Sample,
@@ -84,7 +85,7 @@ from .report import (
     pose_of,
     record_of,
 )
-from .tool_tracking import AT, OFF, TURNED, ToolTracking, angle_between
+from .tool_tracking import AT, OFF, PATIENCE, TURNED, ToolTracking, angle_between
 
 # Least lookahead [s]; how much of a/J it is if the jerk is bounded.
 _LEAST_LOOKAHEAD, _LAGS = 0.05, 2.0
@@ -578,7 +579,7 @@ class StreamShield(GuardedCommands):
         """Want what other limits allow; the guard keeps those that are in force."""
         self._next_limits, self.lookahead, self._steps = limits, lookahead, steps
         self._fastest = np.maximum(self._fastest, limits.sides("velocity").largest)
-        for name in ("_pursuit", "_tool"):
+        for name in ("_pursuit", "_tool", "_joint_progress"):
             vars(self).pop(name, None)
         if steps.are_compiled:
             _ = self._pursuit, self._tool
@@ -830,6 +831,7 @@ class StreamShield(GuardedCommands):
         if kind != self._kind:
             self._way = self._no_way(self._way.counts)
             self._past.clear()
+            vars(self).pop("_joint_progress", None)
         self._kind = kind
         if not self._way.put(chunk, now):
             return 0
@@ -895,7 +897,7 @@ class StreamShield(GuardedCommands):
                 return np.zeros(q.size)
             self._asked = self._way.mean(now, now + self.period)
             if self._kind == "velocities":
-                return self._asked
+                return self._joint_progress.shares(self._asked, self.velocity) * self._asked
             return self._tool.follow_twist(now, self._guard, self._asked)
         here, ahead = (self._pose_at(t) for t in (now, now + rate * self.period))
         return self._tool.follow_pose(now, self._guard, here, ahead)
@@ -906,6 +908,10 @@ class StreamShield(GuardedCommands):
         has_none = limits.acceleration is None
         most = np.full(self.arm.n, np.inf) if has_none else limits.sides("acceleration").least
         return WayPursuit(Pursuit(self.lookahead, self.period, most), self._steps.bind)
+
+    @cached_property
+    def _joint_progress(self) -> JointProgress:
+        return JointProgress(self._next_limits or self.limits, self.period, PATIENCE["velocities"])
 
     @cached_property
     def _tool(self) -> ToolTracking:
@@ -939,7 +945,16 @@ class StreamShield(GuardedCommands):
         if self._is_settled(now, q):
             self._arrived = self._followed
         blocked = self._blocked_for(q, self._blockage.time + passed)
-        self._blockage.note(blocked, lambda: self.last_step, lambda: self.status)
+        self._blockage.note(blocked, self._look, lambda: self.status)
+
+    def _look(self) -> Look:
+        """Return what is looked at to find what is in the way."""
+        wanted = self._wanted
+        if self._kind in ("poses", "twists"):
+            wanted = self._tool.whole_velocity
+        elif self._asked.size:
+            wanted = self._asked
+        return Look(self.last_step, wanted)
 
     def _blocked_for(self, q: Array, longer: float) -> float:
         """Return for how long the arm has not got on [s], which is `longer` if it still does not.
@@ -1044,7 +1059,7 @@ class StreamShield(GuardedCommands):
         return at_work if at_work else self._reach_limits()
 
     def _pairs_of_blockage(self) -> tuple[int, ...]:
-        """Return the numbers of the pairs that were in the way as the arm came to be blocked."""
+        """Return the numbers of the pairs in the way of an arm that does not get on."""
         return self._blockage.pairs
 
     def _reach_limits(self) -> tuple[str, ...]:

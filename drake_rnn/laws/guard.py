@@ -800,9 +800,18 @@ class StreamGuard:
         """
         stop = self._command_of(self.accelerations[1]).stop(_FOR_EVER)
         require_rest_within(law.limits, stop.position)
+        self._change = self.change_to(law, bind)
+
+    def change_to(self, law: JointStream, bind: Bind | None = None) -> LimitChange:
+        """Return the change to a law, see `change_law`."""
         old, reading = self._reading, law.sampled(self.period)
         reading = replace(reading, tolerance=old.tolerance, has_compliance=old.has_compliance)
-        self._change = LimitChange(law, reading, self._step_of(reading, bind))
+        return LimitChange(law, reading, self._step_of(reading, bind))
+
+    @property
+    def limits(self) -> JointLimits:
+        """Limits in force, which no command is beyond."""
+        return self.law.limits
 
     @property
     def next_limits(self) -> JointLimits:

@@ -95,13 +95,25 @@ def later_norm(
     preview: int = _PREVIEW,
     start: float = 0.0,
     end: float = 1.0,
+    forces: str = "then",
 ) -> float:
-    """Largest norm of the torques expected a preview later, between shares of the time [N m]."""
-    norm = np.linalg.norm(_course(method, path, preview).later, axis=1)
+    """Largest norm of the torques expected a preview later, between shares of the time [N m].
+
+    Args:
+        run: Not needed.
+        method: The method.
+        path: The path.
+        preview: Periods of the preview.
+        start: The share at which it begins [1].
+        end: The share at which it ends [1].
+        forces: ``then``, of the velocities a preview later as in (21), or ``now``, of those of the
+            moment.
+    """
+    norm = np.linalg.norm(_course(method, path, preview, forces).later, axis=1)
     return float(norm[round(start * norm.size) : round(end * norm.size)].max())
 
 
-def peaks(run: Run, path: str, preview: int, rising: bool = False) -> float:
+def peaks(run: Run, path: str, preview: int, rising: bool = False, forces: str = "then") -> float:
     """Number of peaks of the norm of the torques that MBP expects [1].
 
     A peak is larger than 0.4 of the largest one, and than twice what is least between it and each
@@ -112,8 +124,9 @@ def peaks(run: Run, path: str, preview: int, rising: bool = False) -> float:
         path: The path.
         preview: Periods of the preview.
         rising: Whether only those count that are larger than all before.
+        forces: As of `later_norm`.
     """
-    norm = np.linalg.norm(_course("mbp", path, preview).later, axis=1)
+    norm = np.linalg.norm(_course("mbp", path, preview, forces).later, axis=1)
     found: list[int] = []
     for k in np.argsort(-norm):
         if norm[k] < 0.4 * norm.max():
@@ -170,7 +183,7 @@ def _least(Q: Array, r: Array, A: Array, b: Array) -> Array:
 
 
 @cache
-def _course(method: str, path: str, preview: int = _PREVIEW) -> _Course:
+def _course(method: str, path: str, preview: int = _PREVIEW, forces: str = "then") -> _Course:
     """Return what a method does on a path."""
     a, length = _PATHS[path]
     steps = int(np.ceil(2.0 * np.sqrt(length / a) / _STEP))
@@ -188,7 +201,10 @@ def _course(method: str, path: str, preview: int = _PREVIEW) -> _Course:
         elif method.startswith("mbp"):
             ahead = _desired(t + preview * _STEP, path)[2]
             damping = _DAMPING if method.endswith("d") else 0.0
-            acceleration, later = _previewed(q, v, wanted, ahead, preview * _STEP, damping)
+            T = preview * _STEP
+            acceleration, torque_later = _previewed(q, v, wanted, ahead, T, damping)
+            moves = v + acceleration * T if forces == "then" else v
+            later = torque_later + _factor(q + v * T, v) @ moves
         else:
             acceleration, later = _instantaneous(method, q, v, wanted), np.full(3, np.nan)
         torque = _mass(q) @ acceleration + _factor(q, v) @ v
@@ -210,7 +226,7 @@ def _instantaneous(method: str, q: Array, v: Array, wanted: Array) -> Array:
 def _previewed(
     q: Array, v: Array, wanted: Array, ahead: float, T: float, damping: float
 ) -> tuple[Array, Array]:
-    """Return the accelerations of MBP or MBPD, (21) to (28), and the torques that it expects."""
+    """Return the accelerations of MBP or MBPD, (21) to (28), and M q'' of a preview later."""
     q_later = q + v * T
     M, M_later = _mass(q), _mass(q_later)
     S, S_later = _factor(q, v) + damping * M, _factor(q_later, v) + damping * M_later
@@ -220,8 +236,7 @@ def _previewed(
     r = np.concatenate((M @ S @ v + T * S_later.T @ S_later @ v, M_later @ S_later @ v))
     A = np.block([[J, np.zeros((2, 3))], [J_later - J, J_later]])
     x = _least(Q, r, A, np.concatenate((wanted, ahead - (J_later - J) @ v / T)))
-    expected = M_later @ x[3:] + _factor(q_later, v) @ (v + x[:3] * T)
-    return x[:3], expected
+    return x[:3], M_later @ x[3:]
 
 
 def _reduced(q: Array, v: Array, t: float, path: str) -> tuple[Array, Array]:

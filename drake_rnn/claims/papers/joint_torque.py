@@ -63,7 +63,8 @@ def largest_share(run: Run, method: str, path: str) -> float:
 
 def rms_norm(run: Run, of: str, method: str, path: str) -> float:
     """Root mean square of the norm of the torques [N m], or of the velocities [rad/s]."""
-    series = getattr(_course(method, path), of)
+    course = _course(method, path)
+    series = {"torque": course.torque, "velocity": course.velocity}[of]
     return float(np.sqrt((series**2).sum(axis=1).mean()))
 
 

@@ -5,7 +5,7 @@ as a pose: into the arm's own body, into a table or a wall, into another arm, or
 reach. Then it is moved back the way that it came::
 
     python benchmarks/held_stick.py --cases 10000 --kept FILE --jobs 2
-    python benchmarks/held_stick.py --cases 200 --meshes PACKAGE=FOLDER --meshes ...
+    python benchmarks/held_stick.py --cases 200 --meshes franka_description=FOLDER --meshes ...
 
 Arm, period (1, 5, 10 ms), bounds of acceleration and jerk (50, 500, 5000 rad/s^3), the kind of
 target, what it is held into, speed and start are drawn from the seed of each episode. Steps are in
@@ -19,14 +19,19 @@ An episode has these judgements:
 - *limits*: velocities, their differences and second differences beyond a bound by more than 1e-9 of
   it, or positions beyond theirs;
 - *collided*: the least distance of the motion, by the law's capsules between samples and, with
-  ``--meshes``, by the makers' meshes as in `chunks.py`;
+  ``--meshes``, by the makers' meshes as in `chunks.py`, whose packages are installed or in these
+  folders (that of the Panda and the UR5 is example-robot-data; an arm of which some are nowhere is
+  told in the table);
 - *rests*: progress has ended when the tool goes no further than a millimetre along what is asked
   for until the stick is let go of, or no joint further than a milliradian in the direction of the
-  velocity that is asked of it; 2 s later no joint may be faster than 0.01 rad/s;
-- *tells*: within 0.3 s of that, ``limited_by`` names what is in the way, a pair that is nearer than
-  3 mm beyond the distance at which arms rest, or a limit, and ``blocked_for`` counts;
+  velocity that is asked of it; 2 s later, and once no other arm is led towards it, no joint may be
+  faster than 0.01 rad/s;
+- *tells*: within 0.3 s of that, ``limited_by`` names what is in the way, a pair that from the end
+  of progress until the arm is to rest comes nearer than 3 mm beyond the distance at which arms
+  rest, or a limit, and ``blocked_for`` counts;
 - *leaves*: 0.5 s after the stick is moved back, a joint has moved by a milliradian, and a second
-  later the tool has gone a millimetre of the way that it came, or a joint a milliradian.
+  later the tool has gone a millimetre of the way that it came, nearer to its start for a pose, or a
+  joint a milliradian.
 
 A stick is held for 9 s, or, in three of four episodes, until progress has ended 2.5 s ago and the
 arm rests. Episodes in which progress does not end are counted apart: an arm that slides along a
@@ -77,10 +82,13 @@ PROGRESS, REST, LEAVES = 1e-3, 0.01, 1e-3
 # Within which time the alarm is to tell [s], how often it is looked at [s], and how near a pair is
 # that is in the way [m].
 ALARM, LOOKS, NEAR = 0.3, 0.05, 0.013
+# After which time without progress shields call back that they are blocked [s].
+AT_ONCE = 1e-6
 # What is beyond a limit, as a share of it.
 EXACT = 1e-9
-# Where the second Panda stands [m], and for how long it is led on at most [s].
-BESIDE, LED = 1.1, 4.0
+# Where the second Panda stands [m], for how long it is led on at most, and from when on it is at
+# rest, so that it pushes the first one no more [s].
+BESIDE, LED, PUSHED = 1.1, 4.0, 5.0
 # Largest velocity of a joint by the speed of the tool [rad/m], and the share of it below which a
 # joint is left alone.
 FAST, MATTERS = 3.0, 0.4
@@ -112,6 +120,7 @@ class Side(NamedTuple):
         arm: The arm.
         block: Its joints among those that are commanded.
         other: What targets of the other arm are given to; None if there is none or it rests.
+        alarm: What comes to have something in it when an arm does not get on any more.
     """
 
     shield: Any
@@ -119,14 +128,16 @@ class Side(NamedTuple):
     arm: Arm
     block: slice
     other: Any
+    alarm: list[Any]
 
     @classmethod
-    def of(cls, shield: Shield | DualArmShield, moves: bool) -> Side:
+    def of(cls, shield: Shield | DualArmShield, moves: bool, alarm: list[Any]) -> Side:
         """Return it."""
         if isinstance(shield, DualArmShield):
             source, arm = shield["left"], shield.arm.parts[0]
-            return cls(shield, source, arm, source.block, shield["right"] if moves else None)
-        return cls(shield, shield, shield.arm, slice(None), None)
+            other = shield["right"] if moves else None
+            return cls(shield, source, arm, source.block, other, alarm)
+        return cls(shield, shield, shield.arm, slice(None), None, alarm)
 
 
 def scene(
@@ -177,23 +188,28 @@ def episode(seed: int, *, meshes: tuple[str, ...] = (), compiled: bool = True) -
     speed, moves = float(rng.uniform(0.05, 0.3)), bool(rng.random() < 0.5)
     held = HELD if rng.random() < TO_THE_END else None
     found: Found = {"arm": name, "kind": kind, "into": into, "period": period, "jerk": jerk}
-    settings, home = ShieldSettings(compiled=compiled), arm.home
+    settings, home = ShieldSettings(compiled=compiled, blocked_after=AT_ONCE), arm.home
     maker: Any = DualArmShield if name == PAIR else Shield
+    alarm: list[Any] = []
+    how: Found = {"limits": limits, "on_blocked": lambda *status: alarm.append(status)}
     for _ in range(50):
         q = home + rng.uniform(-0.3, 0.3, arm.n)
         obstacles, target = scene(rng, into, arm, q)
         try:
-            shield = maker(arm, period, settings, start=q, limits=limits, obstacles=obstacles)
+            shield = maker(arm, period, settings, start=q, obstacles=obstacles, **how)
         except InvalidInputError:
             continue
         break
     else:
         return found | {"refused": True}
-    side = Side.of(shield, moves)
+    side = Side.of(shield, moves, alarm)
     found |= judged(side, kind, target, speed, held)
     motion = found.pop("motion")
     if meshes:
-        found["meshes"] = _recount(name, meshes, obstacles).least(motion)[0]
+        try:
+            found["meshes"] = _recount(name, meshes, obstacles).least(motion)[0]
+        except SystemExit as error:
+            found["no meshes"] = str(error)
     return found
 
 
@@ -206,8 +222,9 @@ def judged(side: Side, kind: str, target: Array, speed: float, held: float | Non
     along = [stick.along(q[0][side.block])]
     told = []
     period, k = shield.period, 0
-    looks = max(round(LOOKS / period), 1)
-    while not _is_over(along, v, period, held):
+    looks, last = max(round(LOOKS / period), 1), round(ALARM / period) + 3
+    pushed = PUSHED if side.other is not None else 0.0
+    while not _is_over(along, v, period, HELD if k * period < pushed + ON - SETTLED else held):
         t = k * period
         stick.hold(t, 1.0)
         if side.other is not None:
@@ -215,11 +232,14 @@ def judged(side: Side, kind: str, target: Array, speed: float, held: float | Non
         q.append(shield.command(t))
         v.append(shield.velocity)
         along.append(np.maximum(along[-1], stick.along(q[-1][side.block])))
-        if k % looks == 0:
+        # What is told while it gets on, or long after that, does not count.
+        if k % looks == 0 and side.alarm and (along[-1] > along[max(k - last, 0)]).any():
             status = side.source.status
             told.append((t, status.blocked_for, status.limited_by))
+            if not status.blocked_for:
+                side.alarm.clear()
         k += 1
-    end, back = k, stick.along(q[-1][side.block])
+    end = k
     while k < end + round((LEFT + BACK) / period):
         stick.hold(k * period, -1.0)
         q.append(shield.command(k * period))
@@ -231,14 +251,14 @@ def judged(side: Side, kind: str, target: Array, speed: float, held: float | Non
         "beyond": _beyond(np.array(v), limits, period),
         "outside": float(limits.violation(motion).max()),
         "uncertified": shield.uncertified,
-        "distance": float(clearance.least_along(motion).min()) if clearance.count else 1.0,
+        "distance": _least(clearance, motion),
         "ended": ended,
         "held": end * period,
         "moved": float(np.abs(motion[end + round(LEFT / period)] - motion[end]).max()),
-        "left": float((back - stick.along(motion[-1][side.block])).max()),
+        "left": stick.way_back(motion[end][side.block], motion[-1][side.block]),
         "motion": motion,
     }
-    later = np.array(v[3:])[round((ended + SETTLED) / period) : end, side.block]
+    later = np.array(v[3:])[round(max(ended + SETTLED, pushed) / period) : end, side.block]
     if len(later) * period < ON - SETTLED - 0.05:
         later = np.array(v[3:])[end - round((ON - SETTLED) / period) : end, side.block]
         return found | {"slides": True, "speed": float(np.abs(later).max())}
@@ -271,6 +291,7 @@ class Stick:
         # A stick for joints moves those that matter; they come to an end before it is let go of.
         v[np.abs(v) < MATTERS * np.abs(v).max()] = 0.0
         self._v = speed * FAST / float(np.abs(v).max()) * v
+        self._V = np.append(np.zeros(3), speed * self._way)
         self._sign = 0.0
 
     def along(self, q: Array) -> Array:
@@ -283,6 +304,19 @@ class Stick:
             return np.sign(self._v) * q
         return np.array([self._way @ self._kinematics.p_WE(q)])
 
+    def way_back(self, q: Array, q_later: Array) -> float:
+        """Return how far the tool, or a joint, has gone back, shape (n,) each [rad].
+
+        A pose leads it back to its start, which may be on either side of where it was held up.
+        """
+        if self._kind != "pose":
+            return float((self.along(q) - self.along(q_later)).max())
+        left, left_later = (
+            float(np.linalg.norm(self._kinematics.p_WE(each) - self._start[:3]))
+            for each in (q, q_later)
+        )
+        return left - left_later
+
     def hold(self, t: float, sign: float) -> None:
         """Give its targets to the shield.
 
@@ -292,7 +326,7 @@ class Stick:
         """
         source = self._side.source
         if self._kind == "twist":
-            source.follow_twists(np.append(np.zeros(3), sign * self._speed * self._way), t=t)
+            source.follow_twists(sign * self._V, t=t)
         elif self._kind == "velocity":
             source.follow_velocities(sign * self._v, t=t)
         elif sign != self._sign:
@@ -339,14 +373,24 @@ def _is_over(along: list[Array], v: list[Array], period: float, held: float | No
     return float(np.abs(v[-round((ON - SETTLED) / period) :]).max()) < REST
 
 
+def _least(clearance: Any, motion: Array) -> float:
+    """Return the least distance of a motion, of which an arm rests in much [m]."""
+    if not clearance.count:
+        return 1.0
+    moves = (motion[1:] != motion[:-1]).any(axis=1)
+    return float(clearance.least_along(motion[np.append(True, moves)]).min())
+
+
 def _tells(told: list[Any], ended: float, clearance: Any, motion: Array, period: float) -> bool:
     """Return whether the alarm tells the true reason in time.
 
-    Where a pair is named, it must be one that is near; a limit, where none is near, or besides.
+    Where a pair is named, it must be one that comes near until the arm is at rest: one that still
+    moves is kept farther off. A limit may be named where none is, or besides.
     """
     for t, blocked_for, causes in told:
         if ended <= t <= ended + ALARM + period and blocked_for > 0.0 and causes:
-            gaps = clearance.gaps(motion[round(t / period)])
+            until = round((ended + SETTLED) / period)
+            gaps = clearance.gaps(motion[round(ended / period) : until + 1]).min(axis=0)
             near = {frozenset(clearance.names[k]) for k in np.flatnonzero(gaps < NEAR)}
             pairs = {frozenset(each.split(" and ")) for each in causes if " and " in each}
             if pairs & near or not pairs:
@@ -420,6 +464,7 @@ def print_table(rows: list[Found]) -> None:
             f"{sum(_leaves(r) for r in group)} of {len(group)}",
         )
         row(into, *cells)
+    print_distances(rows)
     fails = Counter(
         (r["arm"], r["kind"], r["into"], r["period"])
         for r in rows
@@ -427,6 +472,22 @@ def print_table(rows: list[Found]) -> None:
     )
     for key, count in fails.most_common(20):
         print(*key, count)
+
+
+def print_distances(rows: list[Found]) -> None:
+    """Print by how much arms stay clear, by their capsules and by their makers' meshes."""
+    if not any("meshes" in r or "no meshes" in r for r in rows):
+        return
+    head("arm", "episodes", "by capsules [mm]", "by its maker's meshes [mm]", "collided")
+    for name in ARMS:
+        group = [r for r in rows if r["arm"] == name]
+        judged = [r["meshes"] for r in group if "meshes" in r]
+        missing = {r["no meshes"] for r in group if "no meshes" in r}
+        if not group:
+            continue
+        by_meshes = f"{1e3 * min(judged):.2f}" if judged else f"- ({', '.join(missing)})"
+        by_capsules = f"{1e3 * min(r['distance'] for r in group):.2f}"
+        row(name, len(group), by_capsules, by_meshes, sum(d <= 0.0 for d in judged))
 
 
 def main() -> None:

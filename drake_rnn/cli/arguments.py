@@ -213,6 +213,14 @@ class Campaign(PlanOptions, PrintOptions):
     ] = None
     again: Annotated[bool, typer.Option("--again", help="Retry rows whose worker crashed.")] = False
     by: By = None
+    labels: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="What tables and figures call the groups of --by, in their order; KEY=NAME "
+            "names a column.",
+        ),
+    ] = None
     statistic: Statistic = "mean"
     metrics: Metrics = None
     tables: TableFiles = None

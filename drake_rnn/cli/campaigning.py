@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,7 +30,7 @@ from ..figures.campaign import (
 from ..figures.style import current
 from ..inputs.documents import construct, read_yaml
 from ..inputs.files import is_file
-from ..inputs.messages import drawn_of, nearest, plural
+from ..inputs.messages import drawn_of, nearest, plural, short
 from ..jobs import CampaignResult, Plan, cluster_at, plan_campaign, plan_sweep, read_campaign
 from ..jobs.campaign import InterruptedSweepError, parse_axis, run_campaign, run_sweep, write_csv
 from ..jobs.plan import StatisticsSettings
@@ -40,6 +41,7 @@ from ..jobs.summary import (
     Interval,
     Line,
     Spread,
+    Statistic,
     Summary,
     format_values,
     group_by,
@@ -167,12 +169,12 @@ def campaign(args: Campaign) -> None:
             read = read_campaign(args.campaign, **settings)
             plan = plan_campaign(read, changes, anyway=args.anyway)
             by = keys_by(args)
-            group_by([Line(0, plan.rows[0].changes, RunRecord("complete"))], by, ())
+            names = _planned_names(plan, by, args.labels)
         tell_of_window(plan.campaign.experiment, {**plan.campaign.changes, **changes})
         folder = args.out_folder / f"campaign_{plan.campaign.name or 'unnamed'}"
         if args.dry_run:
-            rows = f"{plan.campaign.name}: {plural(len(plan.rows), 'row')}"
-            _print_plan(plan, rows, folder, folder / "rows", args)
+            count = f"{plan.campaign.name}: {plural(len(plan.rows), 'row')}"
+            _print_plan(plan, count, folder, folder / "rows", args)
             return
         with claimed_folder(folder, *_FILES):
             result, page = _run(plan, folder, args, metrics)
@@ -181,12 +183,13 @@ def campaign(args: Campaign) -> None:
             _print_figures(result, folder, paper)
             sheet = written_sheet(result.summary)
             if by and result.lines:
-                names = [metric.name for metric in result.summary.metrics]
-                sheet = _print_groups(args, result.groups(*by), names, folder, paper)
+                shown = [metric.name for metric in result.summary.metrics]
+                groups = _Groups(by, result.groups(*by), names)
+                sheet = _print_groups(groups, shown, args.statistic, folder, paper)
         write_tables(sheet, args.tables)
         if args.as_json:
-            groups = [_group_contents(by, group) for group in result.groups(*by)]
-            print_data(_contents(result, page) | ({"groups": groups} if by else {}))
+            contents = [_group_contents(by, group) for group in result.groups(*by)]
+            print_data(_contents(result, page) | ({"groups": contents} if by else {}))
     if result.missing:
         text = f"{result.missing} of {plural(len(result.plan.rows), 'row')}"
         err.print(
@@ -300,6 +303,70 @@ def keys_by(args: Campaign | Compare) -> list[str]:
     return [] if args.by is None else split_words(args.by)
 
 
+class _Names(NamedTuple):
+    """What tables and figures call keys and groups.
+
+    Attributes:
+        keys: Names of keys that have one of their own, by key.
+        groups: Names of groups by their values; empty if they have none of their own.
+    """
+
+    keys: dict[str, str]
+    groups: dict[tuple[str, ...], str]
+
+
+def _names_of_groups(labels: str | None, by: list[str], groups: Sequence[Group]) -> _Names:
+    """Return the names of ``--labels``.
+
+    Raises:
+        InvalidInputError: If nothing is grouped, there is not a name for each group, or two are the
+            same.
+    """
+    if labels is None:
+        return _Names({}, {})
+    if not by:
+        raise InvalidInputError("--labels: names the groups of --by, which must be given")
+    words = split_words(labels)
+    keys = {key: name for key, _, name in (word.partition("=") for word in words) if key in by}
+    names = [word for word in words if word.partition("=")[0] not in by]
+    if names and len(names) != len(groups):
+        values = "; ".join(", ".join(group.values) for group in groups)
+        raise InvalidInputError(
+            f"--labels: must have one name for each of {plural(len(groups), 'group')} "
+            f"({short(values)}), not {len(names)}"
+        )
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InvalidInputError(f"--labels: {twice[0]!r} is given twice")
+    pairs = zip((group.values for group in groups), names, strict=True) if names else ()
+    return _Names(keys, dict(pairs))
+
+
+def _planned_names(plan: Plan, by: list[str], labels: str | None) -> _Names:
+    """Return the names of the groups that will be, which are refused before anything runs."""
+    # All rows are needed for their names alone.
+    rows = plan.rows if labels is not None else plan.rows[:1]
+    lines = [Line(0, row.changes, RunRecord("complete")) for row in rows]
+    return _names_of_groups(labels, by, group_by(lines, by, ()))
+
+
+class _Groups(NamedTuple):
+    """Groups of rows, and what they are called."""
+
+    by: list[str]
+    groups: list[Group]
+    names: _Names
+
+    def named(self) -> tuple[list[str], list[Group]]:
+        """Return heads of columns, and groups with their names as values."""
+        heads = [self.names.keys.get(key, key) for key in self.by]
+        if not self.names.groups:
+            return heads, self.groups
+        groups = [
+            replace(group, values=(self.names.groups[group.values],)) for group in self.groups
+        ]
+        return [", ".join(heads)], groups
+
+
 def _group_again(args: Campaign, metrics: list[str], paper: Paper) -> None:
     """Print and write the groups of a campaign that was kept."""
     folder, by = Path(args.campaign), keys_by(args)
@@ -308,9 +375,10 @@ def _group_again(args: Campaign, metrics: list[str], paper: Paper) -> None:
     require_metrics(metrics, name, lines)
     names = metrics or own or telling_metrics(completed_lines)
     groups = group_by(lines, by, names, quantiles)
+    named = _Groups(by, groups, _names_of_groups(args.labels, by, groups))
     with claimed_folder(folder, "groups.csv"):
         out.print(escape(f"{name}: {plural(len(lines), 'row')}, from before"), soft_wrap=True)
-        sheet = _print_groups(args, groups, names, folder, paper)
+        sheet = _print_groups(named, names, args.statistic, folder, paper)
     write_tables(sheet, args.tables)
     if args.as_json:
         print_data([_group_contents(by, group) for group in groups])
@@ -331,19 +399,18 @@ def _group_contents(by: list[str], group: Group) -> dict[str, Any]:
 
 
 def _print_groups(
-    args: Campaign, groups: list[Group], metrics: list[str], folder: Path, paper: Paper
+    groups: _Groups, metrics: list[str], statistic: Statistic, folder: Path, paper: Paper
 ) -> Sheet:
     """Print groups, write their numbers and their figure, and return their table."""
-    by = keys_by(args)
-    sheet = groups_sheet(by, groups, metrics, args.statistic)
-    print_groups(sheet, len(by))
-    head, *lines = group_lines(by, groups)
+    heads, named = groups.named()
+    sheet = groups_sheet(heads, named, metrics, statistic)
+    print_groups(sheet, len(heads))
+    head, *lines = group_lines(groups.by, groups.groups)
     write_lines(folder / "groups.csv", head, lines)
     out.print(escape(f"groups   {folder / 'groups.csv'}"), soft_wrap=True)
     with drawn_for(paper), drawn_of("groups"):
         file = folder / f"groups.{current().form}"
-        metrics_by_group = spreads_by_name(groups)
-        if groups_figure(metrics_by_group, metrics, args.statistic, file):
+        if groups_figure(spreads_by_name(named), metrics, statistic, file):
             out.print(escape(f"figure   {file}"), soft_wrap=True)
     return sheet
 

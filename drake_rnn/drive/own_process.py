@@ -350,23 +350,25 @@ class OwnProcess(Generic[M]):
     def latest(self) -> GuardCommand:
         """Return what is commanded now; after the process has ended, the last command."""
         now = time.monotonic()
-        command = self._whole(lambda: self.memory.newest(now))
+        command = self.whole(lambda: self.memory.newest(now))
         return command.at(now) if self.memory.goes_on else command
 
     def read(self, slot: SharedSlot) -> Sequence[Any]:
         """Return the fields of a record that the process writes with each command."""
-        return self._whole(slot.read)
+        return self.whole(slot.read)
 
-    def _whole(self, read: Callable[[], T | None]) -> T:
-        """Return what is read once it is whole."""
+    def whole(self, read: Callable[[], T | None]) -> T:
+        """Return what is read once it is there, whole.
+
+        Raises:
+            RobotError: If the process has failed, or does not go on.
+        """
         until = time.monotonic() + _STALLS
         while (fields := read()) is None:
             # It is being written.
             self._check()
             if time.monotonic() > until:
-                raise RobotError(
-                    f"{self._name}: its process stands still while it writes a command"
-                )
+                raise RobotError(f"{self._name}: its process stands still")
             time.sleep(1e-5)
         self._check()
         return fields

@@ -124,11 +124,12 @@ class SharedSlot:
         fields: Its fields, in the format of `struct`.
 
     Attributes:
+        at: Where it begins.
         size: Bytes that it takes.
     """
 
     def __init__(self, memory: mmap.mmap, at: int, fields: str) -> None:
-        self._memory, self._at = memory, at
+        self._memory, self.at = memory, at
         self._record = Struct(f"=Q{fields}Q")
         self.size = self._record.size
         self._last = at + self.size - 8
@@ -137,14 +138,14 @@ class SharedSlot:
     def write(self, *fields: float | bytes) -> None:
         """Write it in place of an older one."""
         self._number = number = self._number + 1
-        write_word(self._memory, self._at, number)
-        self._record.pack_into(self._memory, self._at, number, *fields, number - 1)
+        write_word(self._memory, self.at, number)
+        self._record.pack_into(self._memory, self.at, number, *fields, number - 1)
         write_word(self._memory, self._last, number)
 
     def read(self) -> Sequence[Any] | None:
         """Return its fields; None if it is being written, or has not been yet."""
-        first, *fields, last = self._record.unpack_from(self._memory, self._at)
-        if first != last or not first or first != read_word(self._memory, self._at):
+        first, *fields, last = self._record.unpack_from(self._memory, self.at)
+        if first != last or not first or first != read_word(self._memory, self.at):
             return None
         return fields
 

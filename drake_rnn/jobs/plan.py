@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import product
@@ -192,18 +192,32 @@ class Grids(Axis):
         return sum(math.prod(map(len, grid.over.values())) for grid in self.of)
 
 
+_About = Annotated[
+    Literal["home"] | None,
+    Meaning(
+        "``home`` for draws of ``start`` that are added to the arm's home; a number is then one "
+        "for each joint.",
+    ),
+]
+
+
 @validated
 class Uniform(Distribution):
     """A number, or each entry of a list, that is uniform between two bounds."""
 
     low: Annotated[FiniteEach, Meaning("The bounds, each a number or one for each entry.")]
     high: Annotated[FiniteEach, Meaning("The bounds, each a number or one for each entry.")]
+    about: _About = None
 
     def __post_init__(self) -> None:
         _require_order(self.low, self.high)
 
     def draw(self, rng: np.random.Generator) -> Any:
         return _plain(rng.uniform(self.low, self.high))
+
+    def around(self, center: Array) -> Uniform:
+        """Return the distribution moved by a center, shape (n,)."""
+        return Uniform(low=_moved(self.low, center, "low"), high=_moved(self.high, center, "high"))
 
 
 @validated
@@ -234,6 +248,7 @@ class Normal(Distribution):
 
     mean: Annotated[FiniteEach, Meaning("Mean, a number or one for each entry.")]
     deviation: Annotated[FiniteEach, Meaning("Standard deviation, a number or one for each entry.")]
+    about: _About = None
 
     def __post_init__(self) -> None:
         _require_sizes(self.mean, self.deviation, "mean", "deviation")
@@ -242,6 +257,12 @@ class Normal(Distribution):
 
     def draw(self, rng: np.random.Generator) -> Any:
         return _plain(rng.normal(self.mean, self.deviation))
+
+    def around(self, center: Array) -> Normal:
+        """Return the distribution moved by a center, shape (n,)."""
+        mean = _moved(self.mean, center, "mean")
+        _moved(self.deviation, center, "deviation")
+        return Normal(mean=mean, deviation=self.deviation)
 
 
 @validated
@@ -319,6 +340,16 @@ def variation_of(section: Any, place: str) -> Axis | Distribution:
         may_be = nearest(str(kind), list(VARIATIONS))
         raise InvalidInputError(f"{place}.kind: no such kind, {kind!r}; {may_be}")
     return construct(VARIATIONS[kind], without_kind(section), place)
+
+
+def _moved(bound: float | Array, center: Array, name: str) -> Array:
+    """Return a bound beside a center, shape (n,), as one for each of its entries."""
+    if np.ndim(bound) and np.size(bound) != center.size:
+        raise InvalidInputError(
+            f"vary.start.{name}: must be a number or have {center.size} entries, one per joint, "
+            f"not {np.size(bound)}"
+        )
+    return center + np.asarray(bound)
 
 
 def _require_order(low: float | Array, high: float | Array) -> None:
@@ -445,6 +476,9 @@ class CampaignDocument:
             )
         if not self.distributions and self.samples is not None:
             raise ValueError("samples: must be left out, as nothing is drawn")
+        for key, one in self.distributions.items():
+            if key != "start" and isinstance(one, (Uniform, Normal)) and one.about is not None:
+                raise ValueError(f"vary.{key}.about: only draws of start may be about home")
 
     def _check_together(self) -> None:
         keys = [key for group in self.together for key in group]
@@ -624,7 +658,8 @@ def plan_campaign(
     base = shared_document(campaign.experiment, {**campaign.changes, **(changes or {})})
     arms, rows, time = Arms(), [], 0.0
     steps_of_kinds: dict[str, list[float]] = {}
-    for number, values in enumerate(row_values(campaign)):
+
+    for number, values in enumerate(row_values(campaign, _homes(base, arms))):
         try:
             if number == 0:
                 load_experiment(base, values)
@@ -641,6 +676,16 @@ def plan_campaign(
         if method == "batch":
             steps_of_kinds.setdefault(kind_of(rows[-1]), []).append(effort.steps)
     return Plan(campaign, base, rows, time + sum(map(_time_of_batch, steps_of_kinds.values())))
+
+
+def _homes(base: Mapping[str, Any], arms: Arms) -> Callable[[Mapping[str, Any]], Array]:
+    """Return a function from a row's values to the home of its arm, shape (n,)."""
+
+    def home_of(values: Mapping[str, Any]) -> Array:
+        contents = read_document(base, values)
+        return arms.of(construct(document_class(contents), contents, "").arm).home
+
+    return home_of
 
 
 def _time_of_batch(steps: Sequence[float]) -> float:
@@ -745,13 +790,25 @@ def shared_document(experiment: ExperimentSource, changes: Mapping[str, Any]) ->
     return contents
 
 
-def row_values(campaign: CampaignDocument) -> Iterator[dict[str, Any]]:
+def row_values(
+    campaign: CampaignDocument, home_of: Callable[[Mapping[str, Any]], Array] | None = None
+) -> Iterator[dict[str, Any]]:
     """Yield the values of the varied keys of each row, the last list fastest, then the samples.
 
     The same sample draws the same values in each combination, so that combinations can be compared
-    draw by draw. Values depend on the seed, the key and the number of the sample alone.
+    draw by draw. Values depend on the seed, the key and the number of the sample alone; those
+    about home on the arm, too.
+
+    Args:
+        campaign: The campaign.
+        home_of: Returns the home of the arm, shape (n,), where a row's other values are given;
+            needed where draws are about home.
     """
     axes, groups, distributions = campaign.axes, campaign.groups, campaign.distributions
+    start = distributions.get("start")
+    is_about_home = isinstance(start, (Uniform, Normal)) and start.about is not None
+    if is_about_home:
+        del distributions["start"]
     steps = [
         list(zip(*(axes[key].values_in_order() for key in group), strict=True)) for group in groups
     ]
@@ -763,8 +820,10 @@ def row_values(campaign: CampaignDocument) -> Iterator[dict[str, Any]]:
         selection: dict[str, Any] = {}
         for group, values in zip(groups, combination, strict=True):
             selection |= zip(group, values, strict=True)
-        for sample in samples:
+        for k, sample in enumerate(samples):
             every = selection | sample
+            if is_about_home and home_of is not None:
+                every["start"] = _draw(start.around(home_of(every)), campaign.seed, "start", k)
             yield {key: every[key] for key in campaign.vary}
 
 

@@ -14,7 +14,7 @@ rest within their bounds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil
@@ -324,6 +324,23 @@ class JointStreamReading(SampledReading):
         # A joint that pairs move elsewhere is not where its limits have it.
         return Causes(np.where(is_moved, 0, limits), pairs)
 
+    def pairs_against(self, x: Array, u: Signals, v: Array) -> tuple[NDArray[np.bool_], Array]:
+        """Return the pairs that would hold back velocities, and how near they are, in NumPy.
+
+        Args:
+            x: State before a step, shape (state.size,).
+            u: Signals that it saw.
+            v: The velocities, shape (n,) [rad/s].
+
+        Returns:
+            See `WithinClear.pairs_against`.
+        """
+        if not isinstance(self._within, WithinClear):
+            return np.zeros(0, dtype=np.bool_), np.zeros(0)
+        period, parts = self.period, self.state.by_name(x)
+        _, seen = self._goal(parts, u["target"], period)
+        return self._within.pairs_against({**parts, **seen}, u, period, nearest(v), v)
+
     def _limits_of_velocity(self, wanted: Array, parts: State, chosen: bool) -> NDArray[np.intp]:
         """Return what keeps joints from velocities, shape (n,), as `Causes.limits` does."""
         q, v, a = parts["commanded"], parts["v"], parts.get("a")
@@ -486,8 +503,30 @@ class LastStep(NamedTuple):
         if self.block != slice(None) and clearance is not None:
             # Of pairs those that one of the joints changes, if these do not what is wanted.
             differ = np.abs(self.wanted - self.v[self.block]).max() > _LEAST_EXCESS
-            pairs = pairs[clearance.reaches[pairs, self.block].any(axis=1) & differ]
+            pairs = self._of_joints(pairs, clearance)[: None if differ else 0]
         return Causes(limits[self.block], pairs)
+
+    def pairs_in_the_way(
+        self, v: Array, known: Sequence[int] = (), within: float = 0.0
+    ) -> NDArray[np.intp]:
+        """Return the pairs that would hold back velocities of its joints, where they are now.
+
+        Args:
+            v: Velocities, shape (n,) [rad/s]; those of other joints are what they are.
+            known: Further pairs, which are in the way while they are near.
+            within: Distance below which they are [m].
+        """
+        wanted = self.v.copy()
+        wanted[self.block] = v
+        holds, gaps = self.reading.pairs_against(self.x, self.u, wanted)
+        is_known = np.isin(np.arange(gaps.size), known)
+        pairs = np.flatnonzero(holds | (is_known & (gaps < within)))
+        clearance = self.reading.law.clearance
+        return pairs if clearance is None else self._of_joints(pairs, clearance)
+
+    def _of_joints(self, pairs: NDArray[np.intp], clearance: Clearance) -> NDArray[np.intp]:
+        """Return those of some pairs that one of the joints changes."""
+        return pairs[clearance.reaches[pairs, self.block].any(axis=1)]
 
 
 @with_own_errors
@@ -761,9 +800,18 @@ class StreamGuard:
         """
         stop = self._command_of(self.accelerations[1]).stop(_FOR_EVER)
         require_rest_within(law.limits, stop.position)
+        self._change = self.change_to(law, bind)
+
+    def change_to(self, law: JointStream, bind: Bind | None = None) -> LimitChange:
+        """Return the change to a law, see `change_law`."""
         old, reading = self._reading, law.sampled(self.period)
         reading = replace(reading, tolerance=old.tolerance, has_compliance=old.has_compliance)
-        self._change = LimitChange(law, reading, self._step_of(reading, bind))
+        return LimitChange(law, reading, self._step_of(reading, bind))
+
+    @property
+    def limits(self) -> JointLimits:
+        """Limits in force, which no command is beyond."""
+        return self.law.limits
 
     @property
     def next_limits(self) -> JointLimits:

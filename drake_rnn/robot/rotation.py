@@ -5,7 +5,7 @@ Every sum has three terms, in a fixed order: a robot's rotation does not depend 
 
 from __future__ import annotations
 
-from math import atan2, sqrt
+from math import atan2, sin, sqrt
 
 import numpy as np
 
@@ -124,6 +124,8 @@ def rotation_by(vector: Array) -> Array:
     Args:
         vector: Rotation vectors, shape (..., 3) [rad].
     """
+    if type(vector) is np.ndarray and vector.ndim == 1:
+        return _rotation_by(*vector.tolist())
     x, y, z = np.moveaxis(vector, -1, 0)
     none = np.zeros_like(x)
     K = np.stack((none, -z, y, z, none, -x, -y, x, none), axis=-1).reshape(*x.shape, 3, 3)
@@ -131,6 +133,24 @@ def rotation_by(vector: Array) -> Array:
     # NumPy's sinc is sin(pi x) / (pi x), and 1 at 0.
     half = np.sinc(0.5 * angle / np.pi)
     return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * half * half * product(K, K))
+
+
+def _rotation_by(x: float, y: float, z: float) -> Array:
+    """Return the rotation by one vector, in plain floats: a tool that is led has three a sample."""
+    angle = sqrt(x * x + y * y + z * z)
+    if angle == 0.0:
+        return np.eye(3)
+    # To the bit what many get, as NumPy's sinc rounds.
+    half, whole = np.pi * (0.5 * angle / np.pi), np.pi * (angle / np.pi)
+    s, c = sin(whole) / whole, 0.5 * (sin(half) / half) * (sin(half) / half)
+    xy, xz, yz = c * (x * y), c * (x * z), c * (y * z)
+    return np.array(
+        (
+            (1.0 + c * (-z * z - y * y), -s * z + xy, s * y + xz),
+            (s * z + xy, 1.0 + c * (-z * z - x * x), -s * x + yz),
+            (-s * y + xz, s * x + yz, 1.0 + c * (-y * y - x * x)),
+        )
+    )
 
 
 def angle_between(R: AnyArray, R_desired: AnyArray) -> AnyArray:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..compiled.builds import Steps
 from ..drive.call_times import CallTimes
+from ..drive.own_process import Send, check_process
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
@@ -29,7 +30,6 @@ from ..inputs.fields import (
     with_own_errors,
 )
 from ..inputs.messages import nearest, require_type, short
-from ..laws.guarantee import Assumption
 from ..laws.guard import LastStep, StreamGuard
 from ..laws.guard_command import GuardCommand
 from ..robot.arm import Arm
@@ -40,17 +40,19 @@ from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits
 from ..systems import start_posture
 from .chunks import WIDTHS, Kind
-from .guarded_commands import GuardedCommands
+from .memory import ShieldMemory
+from .process_reading import CommandsOfProcess, StreamOfProcess, settings_of
 from .report import ShieldRecord
+from .serving import ServedStream
 from .shield import (
     ShieldSettings,
     ShieldStatus,
-    StreamShield,
     check_function,
     check_period,
     checked_motion,
     law_of,
     law_within,
+    lookahead_of,
     require_limits_of,
     warnings_of,
 )
@@ -63,7 +65,7 @@ _AT_REST = 1e-9
 
 
 @with_own_errors
-class DualArmShield(GuardedCommands):
+class DualArmShield(CommandsOfProcess):
     """Follows a source for each of two arms with certified commands, clear of each other.
 
     The arms are a pair: an `Arm` with ``pair``, of two models or of a bimanual one. Each of them is
@@ -89,6 +91,7 @@ class DualArmShield(GuardedCommands):
             Each arm is kept clear of them, of itself and of the other one.
         on_blocked: Called with the name of an arm that does not get on, and its status; see
             `drake_rnn.Shield`.
+        process: Whether a process of its own commands both arms, see `drake_rnn.Shield`.
 
     Attributes:
         arms: Each arm by its name.
@@ -117,30 +120,30 @@ class DualArmShield(GuardedCommands):
         limits: JointLimits | None = None,
         obstacles: Sequence[Any] = (),
         on_blocked: Callable[[str, ShieldStatus], object] | None = None,
+        process: bool | Send = False,
     ) -> None:
         self._require_pair(arm)
         self.names, self.yields = checked_names(names), yields
-        settings = ShieldSettings() if settings is None else settings
+        send, settings = check_process(process), settings_of(settings, period, process)
         home = start_posture(arm, start, OUTSIDE)
         self.arm, self.period, self.settings = arm, period, settings
-        self.limits = arm.limits if limits is None else limits
-        if self.limits.size != arm.n:
+        limits = arm.limits if limits is None else limits
+        if limits.size != arm.n:
             raise InvalidInputError(
-                f"limits: are of {self.limits.size} joints, but both arms have {arm.n}"
+                f"limits: are of {limits.size} joints, but both arms have {arm.n}"
             )
         parts = arm.parts
         self.obstacles = list(obstacles)
         solids = make_obstacles(self.obstacles)
         self.clearance: Clearance
         self.clearance, self.warnings = arm_clearance(arm, solids, home)
-        self.warnings += warnings_of(self.limits, arm)
+        self.warnings += warnings_of(limits, arm)
         blocks = slice(0, arm.begins[1]), slice(arm.begins[1], arm.n)
-        sides = [
-            ArmStream(self, name, part, block)
-            for name, part, block in zip(self.names, parts, blocks, strict=True)
-        ]
-        self.lookahead = max(side.lookahead for side in sides)
-        law = law_of(arm, self.limits, home, self.lookahead, self.clearance)
+        self.lookahead = max(
+            lookahead_of(settings.lookahead, limits.select(range(arm.n)[block]), period)
+            for block in blocks
+        )
+        law = law_of(arm, limits, home, self.lookahead, self.clearance)
         self._steps = steps = Steps(settings.compiled)
         self._times = CallTimes("shield", period, lambda: steps.text)
         self._guard = StreamGuard(
@@ -151,10 +154,18 @@ class DualArmShield(GuardedCommands):
             bind=steps.bind,
             has_compliance=True,
         )
-        for side in sides:
-            alarm = None if on_blocked is None else partial(on_blocked, side.name)
-            side.join(self._guard, self._times, self.lookahead, alarm)
-        self.arms = dict(zip(self.names, sides, strict=True))
+        arms = zip(self.names, parts, blocks, strict=True)
+        self.arms = {name: self._stream(self, name, *each, on_blocked) for name, *each in arms}
+        if process:
+            options: dict[str, Any] = {"settings": settings, "names": names, "yields": yields}
+            options |= {"limits": limits, "obstacles": self.obstacles, "on_blocked": on_blocked}
+            self._start(_ServedArms, options, send, tuple(part.n for part in parts))
+            for side in self.arms.values():
+                side._process = self._process
+
+    def _stream(self, *arguments: Any) -> ArmStream:
+        """Return one of the arms, of the arguments of an `ArmStream`."""
+        return ArmStream(*arguments)
 
     @staticmethod
     def _require_pair(arm: object) -> None:
@@ -185,6 +196,8 @@ class DualArmShield(GuardedCommands):
                 f"yields: must be {first!r}, {second!r} or None, not {short(name)}"
             )
         self._yields = name
+        if self._process is not None:
+            self._process.memory.yields.write((None, *self.names).index(name))
 
     def __getitem__(self, name: str) -> ArmStream:
         if name not in self.names:
@@ -274,6 +287,7 @@ class DualArmShield(GuardedCommands):
         Raises:
             InvalidInputError: See `drake_rnn.Guard.command`.
         """
+        self._require_own_calls("command")
         begin = perf_counter()
         sides, guard = self.arms.values(), self._guard
         for side in sides:
@@ -297,11 +311,14 @@ class DualArmShield(GuardedCommands):
                 p_WO,
                 t,
             )
-        self.limits = guard.law.limits
         for side in sides:
             side._commanded(now, q[side.block], p_WO)
-        self._times.note(begin, t)
+        self._note_call(begin, t)
         return q
+
+    def _note_call(self, begin: float, t: float | None) -> None:
+        """See `StreamShield._note_call`."""
+        self._times.note(begin, t)
 
     def _compliance(self, side: ArmStream, now: float, has_none: bool) -> float:
         """Return how readily an arm gives way, see `JointStreamReading`."""
@@ -325,6 +342,7 @@ class DualArmShield(GuardedCommands):
         Raises:
             InvalidInputError: If an argument is not as described; the shield is then as before.
         """
+        self._require_own_calls("resume")
         sides = self.arms.values()
         for side in sides:
             if t is not None:
@@ -345,12 +363,17 @@ class DualArmShield(GuardedCommands):
         guard, given = self._guard, self.settings.lookahead
         require_limits_of(self.arm, limits, guard.law.home)
         parts = [(s, limits.select(range(self.arm.n)[s.block])) for s in self.arms.values()]
-        lookahead = max(side._lookahead(given, own) for side, own in parts)
+        lookahead = max(lookahead_of(given, own, self.period) for _, own in parts)
         steps = self._steps.anew()
         guard.change_law(law_within(guard.law, limits, lookahead), steps.bind)
         self.lookahead, self._steps = lookahead, steps
         for side, own in parts:
             side._lead_within(own, lookahead, side._steps.anew())
+
+    @property
+    def streams(self) -> tuple[ArmStream, ...]:
+        """What each arm follows, the first one's first."""
+        return tuple(self.arms.values())
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -450,7 +473,7 @@ def checked_names(names: object) -> tuple[str, str]:
     return first, second
 
 
-class ArmStream(StreamShield):
+class ArmStream(StreamOfProcess):
     """One of two arms behind a shield, as its source sees it; see `DualArmShield`.
 
     Args:
@@ -458,37 +481,37 @@ class ArmStream(StreamShield):
         name: What it is called.
         arm: The arm.
         block: Its joints among those of both.
+        on_blocked: Called with its name and its status, see `StreamShield`.
     """
 
-    def __init__(self, shield: DualArmShield, name: str, arm: Arm, block: slice) -> None:
+    def __init__(
+        self,
+        shield: DualArmShield,
+        name: str,
+        arm: Arm,
+        block: slice,
+        on_blocked: Callable[[str, ShieldStatus], object] | None,
+    ) -> None:
         self.settings, self.arm, self.period = shield.settings, arm, shield.period
-        self.name, self.block = name, block
-        self.limits = shield.limits.select(range(shield.limits.size)[block])
-        self.lookahead = self._lookahead(self.settings.lookahead, self.limits)
+        self.name, self.block, self._shield = name, block, shield
+        self._which = shield.names.index(name)
+        self.lookahead = shield.lookahead
         self.clearance, self.warnings = shield.clearance, shield.warnings
         self.obstacles = shield.obstacles
-        self._steps = Steps(self.settings.compiled)
-
-    def join(
-        self,
-        guard: StreamGuard,
-        times: CallTimes,
-        lookahead: float,
-        on_blocked: Callable[[ShieldStatus], object] | None,
-    ) -> None:
-        """Follow what is sent from now on, with what commands both arms.
-
-        Args:
-            guard: That.
-            times: How long its calls take.
-            lookahead: How far ahead both are led [s].
-            on_blocked: See `StreamShield`.
-        """
-        self.lookahead, self._on_blocked = lookahead, on_blocked
+        self._steps, self._times = Steps(self.settings.compiled), shield._times
+        self._on_blocked = None if on_blocked is None else partial(on_blocked, name)
         # It has of a guard what a stream reads of it.
-        self._guard = cast("StreamGuard", _GuardOfArm(guard, self.block))
-        self._times = times
+        self._guard = cast("StreamGuard", _GuardOfArm(shield, block))
         self._begin()
+
+    @property
+    def _whole(self) -> StreamGuard:
+        return self._shield._guard
+
+    @property
+    def overruns(self) -> int:
+        """See `DualArmShield.overruns`."""
+        return self._shield.overruns
 
     def command(self, t: float | None = None, p_WO: Displacements | None = None) -> Array:
         """Raise an InvalidInputError: both arms are commanded together."""
@@ -523,6 +546,35 @@ class ArmStream(StreamShield):
         return not is_held and now > self._way.end + self.settings.timeout
 
 
+class _ServedArm(ServedStream, ArmStream):
+    """One of two arms, in the process of their shield."""
+
+
+class _ServedArms(DualArmShield):
+    """A shield of two arms in its process."""
+
+    _memory: ShieldMemory
+
+    def _stream(self, *arguments: Any) -> ArmStream:
+        return _ServedArm(*arguments)
+
+    def serve(self, memory: ShieldMemory) -> None:
+        """See `Served`."""
+        self._memory = memory
+        for which, side in enumerate(self.arms.values()):
+            assert isinstance(side, _ServedArm)
+            side.serve(memory, which)
+
+    def command(self, t: float | None = None, p_WO: Displacements | None = None) -> Array:
+        if (record := self._memory.yields.read()) is not None:
+            self.yields = (None, *self.names)[record[0]]
+        return super().command(t, p_WO)
+
+    def _note_call(self, begin: float, t: float | None) -> None:
+        # Whoever calls notes it, with what is done besides.
+        pass
+
+
 class _LawOfArm(NamedTuple):
     """What is known of the joints of an arm by the law of both.
 
@@ -539,14 +591,34 @@ class _GuardOfArm:
     """What a stream reads of the guard of two arms: the joints of one.
 
     Args:
-        guard: The guard.
+        shield: The shield of both.
         block: The joints.
     """
 
-    def __init__(self, guard: StreamGuard, block: slice) -> None:
-        self._guard, self._block = guard, block
+    def __init__(self, shield: DualArmShield, block: slice) -> None:
+        self._shield, self._block, guard = shield, block, shield._guard
         self.law = _LawOfArm(guard.law.home[block], guard.law.turning[block])
         self.period, self.tolerance, self.moving = guard.period, guard.tolerance, guard.moving
+        # Limits of both, and of these joints.
+        self._limits = guard.limits, self._of_joints(guard.limits)
+
+    @property
+    def _guard(self) -> StreamGuard:
+        return self._shield._guard
+
+    def _of_joints(self, limits: JointLimits) -> JointLimits:
+        return limits.select(range(limits.size)[self._block])
+
+    @property
+    def limits(self) -> JointLimits:
+        of_both = self._guard.limits
+        if of_both is not self._limits[0]:
+            self._limits = of_both, self._of_joints(of_both)
+        return self._limits[1]
+
+    @property
+    def next_limits(self) -> JointLimits:
+        return self._of_joints(self._guard.next_limits)
 
     @property
     def position(self) -> Array:
@@ -559,6 +631,11 @@ class _GuardOfArm:
     @property
     def acceleration(self) -> Array:
         return self._guard.acceleration[self._block]
+
+    @property
+    def accelerations(self) -> tuple[Array, Array]:
+        before, after = self._guard.accelerations
+        return before[self._block], after[self._block]
 
     @property
     def last_step(self) -> LastStep:
@@ -574,30 +651,6 @@ class _GuardOfArm:
             most=newest.most[block],
             jerk=None if newest.jerk is None else newest.jerk[block],
         )
-
-    @property
-    def late_stops(self) -> int:
-        return self._guard.late_stops
-
-    @property
-    def late_samples(self) -> int:
-        return self._guard.late_samples
-
-    @property
-    def assumptions(self) -> tuple[Assumption, ...]:
-        return self._guard.assumptions
-
-    @property
-    def limits_pending(self) -> bool:
-        return self._guard.limits_pending
-
-    @property
-    def p_WO(self) -> Array:
-        return self._guard.p_WO
-
-    @property
-    def moving_obstacles(self) -> tuple[str, ...]:
-        return self._guard.moving_obstacles
 
     def part(self, name: str) -> Array:
         """Return a part of the law's state, as `StreamGuard.part` does."""

@@ -1,21 +1,42 @@
-"""For how long an arm has not got on, what was in its way as it came to that, and who is told."""
+"""For how long an arm has not got on, what is in its way, and who is told."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 from warnings import warn
 
 import numpy as np
 
+from ..inputs.fields import Array
 from ..laws.guard import LastStep
 
-# Times of a blockage at which it is looked at what is in the way [s].
-_LOOKS = (0.05, 0.15, 0.25)
+# Times of a blockage at which it is looked at what has held the arm back, and how often later on at
+# what would [s].
+_LOOKS, _AGAIN = (0.05, 0.15, 0.25), 0.5
+# A pair that has held the arm back is in its way while it is below so many of the distances at
+# which arms rest.
+_NEAR = 1.5
+
+
+class Look(NamedTuple):
+    """What is looked at to find what is in the way.
+
+    Attributes:
+        step: The last step.
+        wanted: Velocities that are wanted of a joint that gets on, shape (n,) [rad/s].
+    """
+
+    step: LastStep
+    wanted: Array
 
 
 class Blockage:
     """For how long an arm has not got on.
+
+    An arm that does not wants less and less, so that in the end nothing holds it back. What would
+    hold back all that it wanted at first is in its way, and what has, as long as that is near.
 
     Args:
         after: Time after which it is told [s].
@@ -28,26 +49,26 @@ class Blockage:
 
     def __init__(self, after: float, tell: Callable[[Any], object] | None) -> None:
         self.time, self._after, self._tell = 0.0, after, tell
-        self._steps: list[LastStep] = []
-        self._pairs: tuple[int, ...] | None = None
+        # Looks, and whether it is as yet coming to rest; those that are not evaluated yet.
+        self._looks: deque[tuple[Look, bool]] = deque(maxlen=len(_LOOKS))
+        self._pairs: tuple[int, ...] = ()
 
-    def note(
-        self, time: float, last_step: Callable[[], LastStep], status: Callable[[], object]
-    ) -> None:
+    def note(self, time: float, look: Callable[[], Look], status: Callable[[], object]) -> None:
         """Take note of how long it has not got on.
 
         Args:
             time: The time [s].
-            last_step: Returns the last step.
+            look: Returns what is looked at.
             status: Returns what is told.
         """
         before, self.time = self.time, time
+        is_early = any(before < each <= time for each in _LOOKS)
         if not time:
-            self._steps, self._pairs = [], None
-        elif any(before < look <= time for look in _LOOKS):
+            self._looks.clear()
+            self._pairs = ()
+        elif is_early or time // _AGAIN > before // _AGAIN:
             # What is in the way is worked out when it is asked for.
-            self._steps.append(last_step())
-            self._pairs = None
+            self._looks.append((look(), is_early))
         if self._tell is not None and before < self._after <= time:
             try:
                 self._tell(status())
@@ -56,8 +77,12 @@ class Blockage:
 
     @property
     def pairs(self) -> tuple[int, ...]:
-        """Numbers of the pairs that were in the way as the arm came to be blocked."""
-        if self._pairs is None:
-            pairs = [step.causes.pairs for step in self._steps]
-            self._pairs = tuple(np.unique(np.concatenate(pairs)).tolist()) if pairs else ()
+        """Numbers of the pairs that are in the way of the arm."""
+        while self._looks:
+            (step, wanted), is_early = self._looks.popleft()
+            avoidance = step.reading.law.avoidance
+            pairs = step.pairs_in_the_way(wanted, self._pairs, _NEAR * avoidance.distance)
+            if is_early:
+                pairs = np.union1d(pairs, step.causes.pairs)
+            self._pairs = tuple(pairs.tolist())
         return self._pairs

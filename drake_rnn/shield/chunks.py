@@ -73,7 +73,7 @@ class Chunk(NamedTuple):
         """
         times, values = self.times, self.values
         if len(times) == 1:
-            return np.broadcast_to(values[0], (*np.shape(t), values.shape[1]))
+            return values[0] if np.ndim(t) == 0 else values.repeat(np.size(t), axis=0)
         k = times[1:-1].searchsorted(t, side="right")
         begin = times[k]
         # Of a way that waits, times may come to be the same.
@@ -157,8 +157,8 @@ class ChunkPath:
     _path: Chunk | None = None
     _recent: deque[Chunk] = field(default_factory=lambda: deque(maxlen=_MEMORY))
     _newest: float = -np.inf
-    # The least and the largest of each target and those after it.
-    _ranges: tuple[Array, Array] = (np.zeros((0, 0)),) * 2
+    # Targets, and the least and the largest of each of them and those after it.
+    _ranged: tuple[Array | None, Array, Array] = (None, *(np.zeros((0, 0)),) * 2)
     # Times of the targets, as an array and as a list.
     _listed: tuple[Array | None, list[float]] = (None, [])
 
@@ -187,11 +187,6 @@ class ChunkPath:
         else:
             self._newest = first
             self._path = self._joined(chunk, now)
-            backwards = self._path.values[::-1]
-            self._ranges = (
-                np.minimum.accumulate(backwards)[::-1],
-                np.maximum.accumulate(backwards)[::-1],
-            )
             self._recent.append(chunk)
             return True
         return False
@@ -233,12 +228,22 @@ class ChunkPath:
             self._listed = self._path.times, self._path.times.tolist()
         return self._listed[1]
 
+    @property
+    def _ranges(self) -> tuple[Array | None, Array, Array]:
+        """Targets, with the least and the largest of each of them and those after it."""
+        assert self._path is not None
+        if self._ranged[0] is not self._path.values:
+            backwards = self._path.values[::-1]
+            lower, upper = np.minimum.accumulate(backwards), np.maximum.accumulate(backwards)
+            self._ranged = self._path.values, lower[::-1], upper[::-1]
+        return self._ranged
+
     def range_after(self, t: float) -> tuple[Array, Array, tuple[float, float]]:
         """Return the least and the largest targets after a time, or the last, shape (n,) each.
 
         And from when until when these are the same [s].
         """
-        times, (lower, upper) = self._knots, self._ranges
+        times, (_, lower, upper) = self._knots, self._ranges
         last = len(times) - 1
         k = min(bisect_left(times, t), last)
         span = times[k - 1] if k else -np.inf, times[k] if k < last else np.inf
@@ -273,10 +278,20 @@ class ChunkPath:
         # Until the chunk begins, the way is that of the one before.
         begin = max(now, float(chunk.times[0]))
         window: Array = begin + self.overlap / _PIECES * np.arange(_PIECES + 1, dtype=np.float64)
-        times = _instants(now, old.times, chunk.times, window)
-        times = times[times <= max(float(chunk.times[-1]), window[-1])]
-        weight = np.clip((times - begin) / self.overlap, 0.0, 1.0)[:, None]
-        return Chunk(times, (1.0 - weight) * old.at(times) + weight * chunk.at(times))
+        end = max(float(chunk.times[-1]), window[-1].item())
+        # A way that follows a stick has hundreds of targets: it is looked up only between them.
+        new = np.concatenate(((now,), chunk.times, window, old.times[-1:])).clip(now, None)
+        new = new[new <= end]
+        kept = slice(*old.times[:-1].searchsorted((now, end), side="right"))
+        times = np.concatenate((new, old.times[kept]))
+        values = np.concatenate((old.at(new), old.values[kept]))
+        order = times.argsort(kind="stable")
+        # Of those that a way that waits has at the same time, the last one counts.
+        order = order[np.append(np.diff(times[order]) > 0.0, True)]
+        times, values = times[order], values[order]
+        weight = ((times - begin) / self.overlap).clip(0.0, 1.0)[:, None]
+        chunk_values = chunk.values if len(chunk.times) == 1 else chunk.at(times)
+        return Chunk(times, (1.0 - weight) * values + weight * chunk_values)
 
     def _ensemble(self, chunk: Chunk, now: float) -> Chunk:
         """Return the weighted mean of the chunks that have a target from now on."""

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any
+
 from ..compiled.builds import Steps
 from ..drive.call_times import CallTimes
 from ..inputs.fields import Array
@@ -9,6 +13,7 @@ from ..laws.guarantee import Assumption
 from ..laws.guard import StreamGuard
 from ..laws.guard_command import GuardCommand
 from ..robot.clearance import Clearance
+from ..robot.limits import JointLimits
 
 
 class GuardedCommands:
@@ -23,6 +28,21 @@ class GuardedCommands:
     _guard: StreamGuard
     _steps: Steps
     _times: CallTimes
+
+    @property
+    @abstractmethod
+    def streams(self) -> Sequence[Any]:
+        """What each of its arms follows, a `StreamShield` each."""
+
+    @property
+    def _whole(self) -> StreamGuard:
+        """The guard of all joints that are commanded together."""
+        return self._guard
+
+    @property
+    def limits(self) -> JointLimits:
+        """Limits in force, which no command is beyond."""
+        return self._guard.limits
 
     @property
     def position(self) -> Array:
@@ -51,12 +71,12 @@ class GuardedCommands:
     @property
     def late_stops(self) -> int:
         """How many commands came so late that joints on their way had to stop at the last one."""
-        return self._guard.late_stops
+        return self._whole.late_stops
 
     @property
     def late_samples(self) -> int:
         """How many samples of certified stops joints went along, see `drake_rnn.Guard`."""
-        return self._guard.late_samples
+        return self._whole.late_samples
 
     @property
     def overruns(self) -> int:
@@ -66,12 +86,12 @@ class GuardedCommands:
     @property
     def moving_obstacles(self) -> tuple[str, ...]:
         """Names of the obstacles that may move, in the order of the rows of `p_WO`."""
-        return self._guard.moving_obstacles
+        return self._whole.moving_obstacles
 
     @property
     def assumptions(self) -> tuple[Assumption, ...]:
         """What the limits and the distance rest on that its commands keep."""
-        return self._guard.assumptions
+        return self._whole.assumptions
 
     @property
     def steps(self) -> str:

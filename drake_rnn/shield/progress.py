@@ -1,4 +1,4 @@
-"""The way back of a tool that has got no further, and when progress is counted anew.
+"""Joints that do not get on, the way back of a tool that does not, and when another twist begins.
 
 Progress itself is measured by `drake_rnn.laws.parts.progress`.
 """
@@ -10,10 +10,68 @@ from collections import deque
 import numpy as np
 
 from ..inputs.fields import Array
+from ..laws.parts.progress import LEAST_GAIN, NO_PROGRESS, Progress, advance, asks_for_nothing
+from ..robot.limits import JointLimits
 
 # Way of a tool between two postures that are remembered [m], and how many are; the share of the way
 # back that is left where it ends, and the longest time for it [s].
 _SPACING, _POSTURES, _THERE, _LONGEST = 2e-3, 10, 0.2, 1.0
+
+
+class JointProgress:
+    """What each joint gets on along the velocity that is asked of it.
+
+    One that does not wants less and less, so that it no longer pushes others along what is in its
+    way; one that does has all of its velocity.
+
+    Args:
+        limits: Limits of the joints.
+        period: Time between two samples [s].
+        patience: See `drake_rnn.laws.parts.progress.advance`.
+    """
+
+    def __init__(self, limits: JointLimits, period: float, patience: float) -> None:
+        self._period, self._patience = period, patience
+        self._fastest = limits.sides("velocity").largest
+        self._most = None
+        if limits.acceleration is not None:
+            self._most = limits.sides("acceleration").largest
+        self._joints = [NO_PROGRESS] * limits.size
+        self._asked, self._is_noted = np.zeros(limits.size), False
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self._joints = [NO_PROGRESS] * len(self._joints)
+        self._is_noted = False
+
+    def shares(self, asked: Array, v: Array) -> Array:
+        """Return the shares of their velocities that joints may want, after a sample, shape (n,).
+
+        Args:
+            asked: Velocities that are asked for, shape (n,) [rad/s].
+            v: Those of the joints, likewise.
+        """
+        before, self._asked = self._asked, asked
+        if not self._is_noted and (v * asked >= LEAST_GAIN * asked * asked).all():
+            return np.ones(asked.size)
+        turns = asked * before <= 0.0
+        self._joints = [
+            self._advance(k, NO_PROGRESS if turns[k] else joint, asked[k : k + 1], v[k : k + 1])
+            for k, joint in enumerate(self._joints)
+        ]
+        self._is_noted = any(joint.blocked or joint.share < 1.0 for joint in self._joints)
+        return np.array([joint.share for joint in self._joints])
+
+    def _advance(self, k: int, joint: Progress, asked: Array, v: Array) -> Progress:
+        """Return the progress of a joint a sample later, of velocities of shape (1,) [rad/s]."""
+        if asks_for_nothing(asked):
+            return NO_PROGRESS
+
+        def fastest(age: float) -> float:
+            most = np.inf if self._most is None else float(self._most[k]) * age
+            return min(float(self._fastest[k]), most)
+
+        return advance(joint, asked, v, self._period, self._patience, fastest)
 
 
 class WayBack:

@@ -59,7 +59,7 @@ from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint, require_resting
 from ..robot.rotation import rotation_error
 from ..systems import start_posture
-from .blockage import Blockage
+from .blockage import Blockage, Look
 from .chunks import (
     NAMES,
     WIDTHS,
@@ -75,6 +75,7 @@ from .chunks import (
 from .chunks import Kind as Kind
 from .guarded_commands import GuardedCommands
 from .pose_filter import PoseFilter, Tracking, unit_poses
+from .progress import JointProgress
 from .pursuit import Pursuit, WayPursuit
 from .report import (
     Sample,
@@ -84,7 +85,7 @@ from .report import (
     pose_of,
     record_of,
 )
-from .tool_tracking import AT, OFF, TURNED, ToolTracking, angle_between
+from .tool_tracking import AT, OFF, PATIENCE, TURNED, ToolTracking, angle_between
 
 # Least lookahead [s]; how much of a/J it is if the jerk is bounded.
 _LEAST_LOOKAHEAD, _LAGS = 0.05, 2.0
@@ -313,20 +314,20 @@ class StreamShield(GuardedCommands):
         self.settings = settings = ShieldSettings() if settings is None else settings
         home = start_posture(arm, start, OUTSIDE)
         self.arm, self.period = arm, period
-        self.limits = arm.limits if limits is None else limits
-        if self.limits.size != arm.n:
+        limits = arm.limits if limits is None else limits
+        if limits.size != arm.n:
             raise InvalidInputError(
-                f"limits: are of {self.limits.size} joints, but {arm.name} has {arm.n}"
+                f"limits: are of {limits.size} joints, but {arm.name} has {arm.n}"
             )
-        self.lookahead = self._lookahead(settings.lookahead, self.limits)
+        self.lookahead = lookahead_of(settings.lookahead, limits, period)
         self.clearance: Clearance | None = None
         self.warnings: tuple[str, ...] = ()
         self.obstacles = list(obstacles)
         solids = make_obstacles(self.obstacles)
         if collisions or solids:
             self.clearance, self.warnings = arm_clearance(arm, solids, home)
-        self.warnings += warnings_of(self.limits, arm)
-        law = law_of(arm, self.limits, home, self.lookahead, self.clearance)
+        self.warnings += warnings_of(limits, arm)
+        law = law_of(arm, limits, home, self.lookahead, self.clearance)
         self._steps = made_by = Steps(settings.compiled) if steps is None else steps
         self._times = CallTimes("shield", period, lambda: made_by.text)
         how: dict[str, Any] = {"late": settings.late or "hold", "bind": self._steps.bind}
@@ -337,7 +338,6 @@ class StreamShield(GuardedCommands):
     def _begin(self) -> None:
         """Follow what is sent from now on, as of an arm at rest, by the guard and with the arm."""
         arm, settings = self.arm, self.settings
-        self._next_limits: JointLimits | None = None
         # The largest speeds that limits have allowed so far.
         self._fastest = self.limits.sides("velocity").largest
         self._way, self._clock = self._no_way(), SourceClock()
@@ -520,10 +520,8 @@ class StreamShield(GuardedCommands):
     def _commanded(self, now: float, q: Array, p_WO: Displacements | None) -> None:
         """Note a command, shape (n,) [rad], of a time [s], with places of obstacles."""
         self._t = now
-        if self._next_limits is not None and not self._guard.limits_pending:
-            self.limits, self._next_limits = self._next_limits, None
         if p_WO is not None:
-            self.p_WO = self._guard.p_WO
+            self.p_WO = self._whole.p_WO
         self._note(now)
         if self._samples is not None:
             wanted = self._wanted_position(now, q), self._wanted.copy()
@@ -570,15 +568,15 @@ class StreamShield(GuardedCommands):
         """
         guard, steps = self._guard, self._steps.anew()
         require_limits_of(self.arm, limits, guard.law.home)
-        lookahead = self._lookahead(self.settings.lookahead, limits)
+        lookahead = lookahead_of(self.settings.lookahead, limits, self.period)
         guard.change_law(law_within(guard.law, limits, lookahead), steps.bind)
         self._lead_within(limits, lookahead, steps)
 
     def _lead_within(self, limits: JointLimits, lookahead: float, steps: Steps) -> None:
         """Want what other limits allow; the guard keeps those that are in force."""
-        self._next_limits, self.lookahead, self._steps = limits, lookahead, steps
+        self.lookahead, self._steps = lookahead, steps
         self._fastest = np.maximum(self._fastest, limits.sides("velocity").largest)
-        for name in ("_pursuit", "_tool"):
+        for name in ("_pursuit", "_tool", "_joint_progress"):
             vars(self).pop(name, None)
         if steps.are_compiled:
             _ = self._pursuit, self._tool
@@ -593,6 +591,11 @@ class StreamShield(GuardedCommands):
         self._stands_at = self._guard.position
         if t is not None:
             self._t, self._is_timed = float(t), True
+
+    @property
+    def streams(self) -> tuple[StreamShield, ...]:
+        """What each of its arms follows, which is this."""
+        return (self,)
 
     @property
     def time(self) -> float:
@@ -617,7 +620,7 @@ class StreamShield(GuardedCommands):
         silent = self._t - self._last
         at_work = self._limits_at_work()
         times = self._blockage.time, silent
-        is_pending = self._guard.limits_pending
+        is_pending = self._whole.limits_pending
         return ShieldStatus(
             *(self._behind(), off_path, delay, at_work, *times, self._arrived, is_pending),
             tracking="" if self._tracking is None else self._tracking.state,
@@ -657,20 +660,6 @@ class StreamShield(GuardedCommands):
         return record_of([sample], self.period, self.arm.joints, self.clearance, ways)
 
     # How it is done.
-
-    def _lookahead(self, lookahead: float | None, limits: JointLimits) -> float:
-        """Return the lookahead, by default what the jerk needs [s].
-
-        With less than that, the arm would swing about its way.
-        """
-        least = max(_LEAST_LOOKAHEAD, 2.0 * self.period)
-        if limits.jerk is not None and limits.acceleration is not None:
-            most = limits.sides("acceleration").largest
-            least = max(least, _LAGS * float((most / limits.jerk).max()))
-        if lookahead is not None and lookahead < least:
-            text = f"lookahead: {lookahead:g} s is short; the arm may swing below {least:.3g} s"
-            warn(text, stacklevel=3)
-        return least if lookahead is None else lookahead
 
     def _no_way(self, counts: Counts | None = None) -> ChunkPath:
         settings = self.settings
@@ -830,6 +819,7 @@ class StreamShield(GuardedCommands):
         if kind != self._kind:
             self._way = self._no_way(self._way.counts)
             self._past.clear()
+            vars(self).pop("_joint_progress", None)
         self._kind = kind
         if not self._way.put(chunk, now):
             return 0
@@ -895,21 +885,25 @@ class StreamShield(GuardedCommands):
                 return np.zeros(q.size)
             self._asked = self._way.mean(now, now + self.period)
             if self._kind == "velocities":
-                return self._asked
+                return self._joint_progress.shares(self._asked, self.velocity) * self._asked
             return self._tool.follow_twist(now, self._guard, self._asked)
         here, ahead = (self._pose_at(t) for t in (now, now + rate * self.period))
         return self._tool.follow_pose(now, self._guard, here, ahead)
 
     @cached_property
     def _pursuit(self) -> WayPursuit:
-        limits = self._next_limits or self.limits
+        limits = self._guard.next_limits
         has_none = limits.acceleration is None
         most = np.full(self.arm.n, np.inf) if has_none else limits.sides("acceleration").least
         return WayPursuit(Pursuit(self.lookahead, self.period, most), self._steps.bind)
 
     @cached_property
+    def _joint_progress(self) -> JointProgress:
+        return JointProgress(self._next_limits or self.limits, self.period, PATIENCE["velocities"])
+
+    @cached_property
     def _tool(self) -> ToolTracking:
-        limits = self._next_limits or self.limits
+        limits = self._guard.next_limits
         return ToolTracking(self.arm, limits, self._guard.law.home, self.period, self._steps)
 
     def _slow_down(self, now: float, q: Array) -> float:
@@ -939,7 +933,16 @@ class StreamShield(GuardedCommands):
         if self._is_settled(now, q):
             self._arrived = self._followed
         blocked = self._blocked_for(q, self._blockage.time + passed)
-        self._blockage.note(blocked, lambda: self.last_step, lambda: self.status)
+        self._blockage.note(blocked, self._look, lambda: self.status)
+
+    def _look(self) -> Look:
+        """Return what is looked at to find what is in the way."""
+        wanted = self._wanted
+        if self._kind in ("poses", "twists"):
+            wanted = self._tool.whole_velocity
+        elif self._asked.size:
+            wanted = self._asked
+        return Look(self.last_step, wanted)
 
     def _blocked_for(self, q: Array, longer: float) -> float:
         """Return for how long the arm has not got on [s], which is `longer` if it still does not.
@@ -1033,7 +1036,7 @@ class StreamShield(GuardedCommands):
         """Return what keeps the arm from the velocity that is wanted; see `ShieldStatus`."""
         if not self._is_led:
             return ()
-        if self._guard.limits_pending:
+        if self._whole.limits_pending:
             return ("change of limits",)
         names = () if self.clearance is None else self.clearance.names
         causes = self.last_step.causes
@@ -1044,7 +1047,7 @@ class StreamShield(GuardedCommands):
         return at_work if at_work else self._reach_limits()
 
     def _pairs_of_blockage(self) -> tuple[int, ...]:
-        """Return the numbers of the pairs that were in the way as the arm came to be blocked."""
+        """Return the numbers of the pairs in the way of an arm that does not get on."""
         return self._blockage.pairs
 
     def _reach_limits(self) -> tuple[str, ...]:
@@ -1055,6 +1058,26 @@ class StreamShield(GuardedCommands):
         if ends:
             return tuple(f"{self.arm.joints[k]} position" for k in ends)
         return ("reach",) if ends is not None or self._blockage.time else ()
+
+
+def lookahead_of(lookahead: float | None, limits: JointLimits, period: float) -> float:
+    """Return the lookahead, by default what the jerk needs [s].
+
+    With less than that, the arm would swing about its way.
+
+    Args:
+        lookahead: What is given [s]; None for nothing.
+        limits: Limits of the joints.
+        period: Time between two commands [s].
+    """
+    least = max(_LEAST_LOOKAHEAD, 2.0 * period)
+    if limits.jerk is not None and limits.acceleration is not None:
+        most = limits.sides("acceleration").largest
+        least = max(least, _LAGS * float((most / limits.jerk).max()))
+    if lookahead is not None and lookahead < least:
+        text = f"lookahead: {lookahead:g} s is short; the arm may swing below {least:.3g} s"
+        warn(text, stacklevel=3)
+    return least if lookahead is None else lookahead
 
 
 def checked_motion(

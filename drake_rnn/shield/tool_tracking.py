@@ -12,7 +12,7 @@ from ..laws.parts.jacobian import LEVER
 from ..laws.parts.progress import (
     LEAST,
     NO_PROGRESS,
-    PATIENCE,
+    POSE_PATIENCE,
     advance,
     asks_for_nothing,
     fastest_tool,
@@ -33,9 +33,8 @@ _LITTLE = 0.2
 # Deceleration and largest speed with which a tool joins poses [m/s^2, m/s]; the first is no more
 # than joints that are slow to brake can make of it, this far from the tool [m].
 _BRAKING, _JOINING, _ARM = 1.0, 0.5, 0.5
-# Time without progress after which the tool wants less speed along a twist, on which it does not go
-# astray [s].
-_TWIST_PATIENCE = 0.25
+#: Time without progress after which less speed is wanted [s].
+PATIENCE = {"velocities": 0.25, "twists": 0.25, "poses": POSE_PATIENCE}
 # Joints of a tool that does not get on are no faster than a share of this [rad/s].
 _CALM = 1.0
 # What makes the rows of a twist lengths a second.
@@ -81,11 +80,14 @@ class ToolTracking:
         self._progress, self._way_back = NO_PROGRESS, WayBack()
         # Whether the tool wants less than all of its speed, as of the last that led it anywhere.
         self._is_at_end = False
-        # What is followed since progress is counted: the twist; the pose, and the velocity that it
-        # asked for.
+        # The twist since which progress is counted; the pose as the tool last got on or came to
+        # rest, where the tool was then, and the velocity that it asked for.
         self._twist: Array | None = None
         self._pose: tuple[Array, Array] | None = None
+        self._place = np.eye(3), np.zeros(3)
         self._asked = np.zeros(6)
+        #: Velocities that the law chose last, of which the tool wants a share, shape (n,) [rad/s].
+        self.whole_velocity = np.zeros(arm.n)
 
     def clear(self) -> None:
         """Have the next twist or pose begin where the tool is then."""
@@ -111,7 +113,7 @@ class ToolTracking:
         self._pose = None
         here = kinematics.R_WE(q), kinematics.p_WE(q)
         v = self._velocity(t, guard, *self._lead.pose(t, V_WE, V_tool, here))
-        return self._within_progress(guard, v, wanted, _TWIST_PATIENCE)
+        return self._within_progress(guard, v, wanted, PATIENCE["twists"])
 
     def follow_pose(
         self, t: float, guard: StreamGuard, here: tuple[Array, Array], ahead: tuple[Array, Array]
@@ -125,16 +127,16 @@ class ToolTracking:
             ahead: The same a period later.
         """
         v = self._velocity(t, guard, here, ahead)
-        wanted = self._wanted()
-        if self._pose is None or self._leads_elsewhere(here, wanted):
+        u = self._step.u
+        place = np.array(u["R_WE"]), np.array(u["p_WE"])
+        wanted = self._wanted(place)
+        if is_new := self._pose is None or self._leads_elsewhere(here):
             self._turn(guard.position, wanted, None if self._pose is None else self._asked)
-            self._pose, self._asked = here, wanted
         self._twist = None
         share = self._progress.share
-        v = self._within_progress(guard, v, wanted, PATIENCE)
-        if self._progress.share == LEAST < share:
-            # What is asked for has turned since, while the pose went on and the tool did not.
-            self._asked = wanted
+        v = self._within_progress(guard, v, wanted, PATIENCE["poses"])
+        if is_new or not self._progress.blocked or self._progress.share == LEAST < share:
+            self._pose, self._place, self._asked = here, place, wanted
         return v
 
     def _turn(self, q: Array, wanted: Array, before: Array | None) -> None:
@@ -144,6 +146,9 @@ class ToolTracking:
         the way it came.
         """
         is_back = before is not None and self._is_at_end and wanted @ before < 0.0
+        if is_back:
+            # What it strayed from its line while something held it is not taken back on the way.
+            self._lead.clear()
         brings = np.linalg.norm(wanted @ (_LENGTHS[:, None] * self._step.u["J"]))
         if is_back and brings < _LITTLE * np.linalg.norm(wanted):
             self._way_back.turn(q)
@@ -151,19 +156,19 @@ class ToolTracking:
             self._way_back.clear()
         self._progress = NO_PROGRESS
 
-    def _leads_elsewhere(self, here: tuple[Array, Array], wanted: Array) -> bool:
-        """Return whether a pose leads elsewhere than the one since which progress is counted.
+    def _leads_elsewhere(self, here: tuple[Array, Array]) -> bool:
+        """Return whether a pose leads elsewhere than it did as the tool last got on, from there.
 
-        One that goes on behind what stands in the way does not.
+        One that goes on behind what stands in the way does not; nor where the tool slides aside.
 
         Args:
             here: See `follow_pose`.
-            wanted: The task velocity that it asks for, of rows that are lengths, shape (6,) [m/s].
         """
         assert self._pose is not None
         (R, p), (R_before, p_before) = here, self._pose
         if np.linalg.norm(p - p_before) <= OFF and angle_between(R_before, R) <= TURNED:
             return False
+        wanted = self._wanted(self._place)
         return asks_for_nothing(self._asked) or is_another_twist(wanted, self._asked)
 
     def _within_progress(
@@ -177,18 +182,20 @@ class ToolTracking:
             wanted: Task velocity that is wanted, of rows that are lengths, shape (6,) [m/s].
             patience: See `drake_rnn.laws.parts.progress.advance`.
         """
+        self.whole_velocity = v
         q, limits, period = guard.position, self._limits, self._period
         speed = float(np.linalg.norm(wanted))
         if (back := self._way_back.velocity(q, speed, period)) is not None:
             return back / max(float((np.abs(back) / limits.toward("velocity", back)).max()), 1.0)
 
+        if asks_for_nothing(wanted):
+            self._progress = NO_PROGRESS
+            return v
+
         def fastest(age: float) -> float:
             return float(fastest_tool(_LENGTHS[:, None] * self._step.u["J"], limits, age))
 
         V_tool = _LENGTHS * self._tool_velocity(guard)
-        if asks_for_nothing(wanted):
-            self._progress = NO_PROGRESS
-            return v
         progress = advance(self._progress, wanted, V_tool, period, patience, fastest)
         self._progress, self._is_at_end = progress, progress.share < 1.0
         self._way_back.note(q, progress.gained)
@@ -207,13 +214,17 @@ class ToolTracking:
         error = _LENGTHS * np.concatenate((turn, u["p_WE_desired"] - u["p_WE"]))
         return out_of_reach(_LENGTHS[:, None] * u["J"], error, u["position"], limits)
 
-    def _wanted(self) -> Array:
-        """Return the task velocity that the law wants, of rows that are lengths, (6,) [m/s]."""
-        u, (of_turn, of_way) = self._step.u, self._feedbacks
+    def _wanted(self, place: tuple[Array, Array]) -> Array:
+        """Return the task velocity that the law wants, of rows that are lengths, (6,) [m/s].
+
+        Args:
+            place: Orientation and position of the tool from which it is wanted, in W.
+        """
+        u, (of_turn, of_way), (R, p) = self._step.u, self._feedbacks, place
         turning = rotation_error(u["R_WE_desired"], u["R_preview"]) / self._period
         moving = (u["p_preview"] - u["p_WE_desired"]) / self._period
-        turning = turning + of_turn.velocity(rotation_error(u["R_WE"], u["R_WE_desired"]))
-        moving = moving + of_way.velocity(u["p_WE_desired"] - u["p_WE"])
+        turning = turning + of_turn.velocity(rotation_error(R, u["R_WE_desired"]))
+        moving = moving + of_way.velocity(u["p_WE_desired"] - p)
         return _LENGTHS * np.concatenate((turning, moving))
 
     def _tool_velocity(self, guard: StreamGuard) -> Array:

@@ -476,6 +476,16 @@ def test_a_kept_campaign_is_grouped_into_a_table_and_a_figure_without_a_run(grou
         (first, *_) = csv.DictReader(stream)
     group = result.groups("law.kind", "law.damping")[0]
     assert float(first["deviation"]) == group.metrics[first["metric"]].deviation
+    by_law = ("campaign", tmp_path / "kept", "--by", "law.kind")
+    labels = ("--labels", "law.kind=Law,ours,theirs", "--table", tmp_path / "named.tex")
+    assert call(*by_law, *labels).exit_code == 0
+    _, _, _, head, _, row, *_ = (tmp_path / "named.tex").read_text().splitlines()
+    assert head.startswith("Law & runs & ")
+    assert row.startswith("ours & 6 & ")
+    with (tmp_path / "kept/groups.csv").open(newline="") as stream:
+        assert next(csv.DictReader(stream))["law.kind"] == "pseudoinverse"
+    refused = call(*by_law, "--labels", "ours")
+    assert refused.stderr.startswith("error --labels: must have one name for each of 2 groups (")
     wrong = call("campaign", tmp_path / "kept", "--by", "law.knid")
     assert wrong.stderr == "error by: law.knid does not vary; nearest: law.kind, law, law.damping\n"
 

@@ -10,7 +10,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from drake_rnn import InvalidInputError
+from drake_rnn import InvalidInputError, load_arm
 from drake_rnn.experiment import (
     ExperimentDocument,
     parse_change,
@@ -80,6 +80,25 @@ def test_a_sample_depends_on_seed_key_and_number_alone():
     assert all(row["law.damping"] != row["law.feedback"] for row in more)
     other = values({"law.damping": UNIFORM}, samples=3, seed=1)
     assert {row["law.damping"] for row in other}.isdisjoint(row["law.damping"] for row in alone)
+
+
+def test_draws_about_home_are_those_about_nothing_and_the_home_of_each_arm():
+    near = {"kind": "uniform", "low": -0.1, "high": 0.1, "about": "home"}
+    drawn = document({"arm": ["panda", "ur5"], "start": near}, samples=3)
+    rows = [row.changes for row in plan_campaign(drawn).rows]
+    plain = values({"start": {"kind": "uniform", "low": [-0.1] * 7, "high": [0.1] * 7}}, samples=3)
+    for k, row in enumerate(rows):
+        home = load_arm(row["arm"]).home
+        moved = np.array(row["start"]) - home
+        np.testing.assert_allclose(moved, plain[k % 3]["start"][: home.size], atol=1e-15)
+
+
+def test_draws_about_home_are_refused_elsewhere_and_with_other_sizes():
+    near = {"kind": "normal", "mean": 0.0, "deviation": [0.1, 0.1], "about": "home"}
+    with pytest.raises(InvalidInputError, match="only draws of start may be about home"):
+        document({"law.damping": near}, samples=2)
+    with pytest.raises(InvalidInputError, match=r"deviation: must be a number or have 7 entries"):
+        plan_campaign(document({"start": near}, samples=2))
 
 
 @pytest.mark.long
@@ -192,7 +211,9 @@ def test_bad_campaigns_are_refused_by_name_before_anything_runs(changes, message
 )
 def test_every_shipped_campaign_makes_valid_rows(monkeypatch, name, every):
     values = planner.row_values
-    monkeypatch.setattr(planner, "row_values", lambda each: islice(values(each), 0, None, every))
+    monkeypatch.setattr(
+        planner, "row_values", lambda *given: islice(values(*given), 0, None, every)
+    )
     given = {"samples": 3} if read_campaign(name).distributions else {}
     plan = plan_campaign(read_campaign(name, **given))
     assert plan.campaign.expect

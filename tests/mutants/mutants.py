@@ -206,19 +206,15 @@ def _run(mutant: Mutant | None, tests: list[str], answer) -> None:
     if mutant is not None:
         sys.meta_path.insert(0, _InPlaceOf(mutant))
     failure = _FirstFailure()
-    options = [
-        "-x",
-        "-q",
-        "-m",
-        "not long and not nightly",
-        "-p",
-        "no:cacheprovider",
-        "-p",
-        "no:xdist",
-    ]
-    code = pytest.main([*options, *tests], plugins=[failure])
-    if code not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
-        failure.found = failure.found or "importing"
+    options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    # Of files the quick tests, then the long ones that are named one by one.
+    long = [test for test in tests if "::" in test]
+    for of, marks in ((tests, "not long and not nightly"), (long, "long")):
+        code = pytest.main([*options, "-m", marks, *of], plugins=[failure]) if of else 0
+        if code not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
+            failure.found = failure.found or "importing"
+        if failure.found:
+            break
     answer.send(failure.found)
 
 

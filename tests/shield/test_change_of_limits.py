@@ -1,10 +1,13 @@
 """Limits that change while the arm moves: no command is beyond those in force."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from test_shield import BALL_IN_THE_WAY, HELD, HOME, LIMITS, PANDA, PERIOD, storm, to
 
-from drake_rnn import Guard, InvalidInputError, JointStream, Shield, ShieldSettings
+from drake_rnn import Guard, InvalidInputError, JointStream, Shield, ShieldSettings, load_arm
+from process_helpers import wait_for
 
 
 def other_limits(rng, q):
@@ -161,3 +164,47 @@ def test_a_guard_follows_targets_that_came_while_it_stopped_and_resumes_within_n
     guard.change_limits(narrow.replace(velocity=0.1))
     guard.resume(HOME, np.zeros(7), np.zeros(7))
     assert not guard.limits_pending
+
+
+def test_limits_of_a_process_change_while_its_arm_moves(tmp_path):
+    """Narrower, without a jerk, with one again: the state of the law has other sizes each time."""
+    arm, file = load_arm("planar6"), tmp_path / "commands"
+    limits = arm.limits.replace(velocity=1.0, acceleration=4.0, jerk=80.0)
+    narrow, free = limits.replace(velocity=0.3, velocity_lower=-0.1), limits.replace(jerk=None)
+    n, send = arm.n, partial(record, file)
+    with Shield(arm, 0.01, limits=free, collisions=False, process=send) as shield:
+        shield.follow_velocities(np.ones((200, n)), rate=10)
+        assert wait_for(lambda: shield.velocity.max() > 0.99)
+        shield.change_limits(limits)
+        assert wait_for(lambda: not shield.status.limits_pending)
+        begin = len(recorded(file, n))
+        upper = np.minimum(limits.position_upper, shield.position + 0.01)
+        with pytest.raises(InvalidInputError, match=r"^limits: joint \d comes to rest at "):
+            shield.change_limits(narrow.replace(position_upper=upper))
+        assert shield.limits.jerk is not None
+        shield.change_limits(narrow)
+        assert wait_for(lambda: not shield.status.limits_pending)
+        end = len(recorded(file, n))
+        np.testing.assert_array_equal(shield.limits.velocity, narrow.velocity)
+        assert wait_for(lambda: abs(shield.velocity.max() - 0.3) < 1e-9)
+        assert wait_for(lambda: f"{arm.joints[0]} velocity" in shield.status.limited_by)
+        shield.follow_velocities(-np.ones((20, n)), rate=10)
+        assert wait_for(lambda: shield.velocity.min() < -0.05)
+    rows = recorded(file, n)
+    v, late = rows[:, 1 + n :], np.diff(rows[:, 0]).max() > 0.02
+    assert -0.1 - HELD <= v[end:].min() < -0.05
+    assert v[end:].max() <= 0.3 + HELD
+    if not late:
+        a = np.diff(v, axis=0) / 0.01
+        assert np.abs(a).max() <= 4.0 * (1.0 + HELD)
+        assert np.abs(np.diff(a[begin:], axis=0) / 0.01).max() <= 80.0 * (1.0 + 1e-6)
+
+
+def record(file, command):
+    """Write a command into a file: its time, positions and velocities."""
+    with open(file, "ab") as stream:
+        stream.write(np.array([command.time, *command.position, *command.velocity]).tobytes())
+
+
+def recorded(file, n):
+    return np.fromfile(file).reshape(-1, 1 + 2 * n)

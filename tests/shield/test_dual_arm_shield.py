@@ -13,6 +13,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_rnn import (
+    CommandReader,
     DualArmShield,
     Guard,
     InvalidInputError,
@@ -23,6 +24,7 @@ from drake_rnn import (
     load_arm,
 )
 from drake_rnn.robot.clearance.arm_capsules import capsules_of
+from process_helpers import wait_for
 
 PERIOD, FLOOR = 0.02, 0.006
 FACING = {"translation": [1.1, 0.0, 0.0], "rpy": [0.0, 0.0, np.pi]}
@@ -448,3 +450,66 @@ def test_limits_of_both_change_while_they_move():
     assert 0 < sum(pending) < 20
     np.testing.assert_array_equal(right.limits.velocity_lower, np.full(7, -0.1))
     assert right.velocity[0] == pytest.approx(-0.1)
+
+
+def served(arm, **changes):
+    """A shield of two arms in a process of its own."""
+    limits = arm.limits.replace(velocity=1.0, acceleration=5.0, jerk=100.0)
+    return DualArmShield(arm, PERIOD, **{"limits": limits, "process": True, **changes})
+
+
+def test_a_process_commands_both_arms_and_tells_of_each():
+    """One stop of all joints is published; targets, counts and statuses are of each arm."""
+    base = {"translation": [6.0, 0.0, 0.0]}
+    arm = load_arm("planar6", pair={"arm": "planar6", "base": base})
+    cup = {"kind": "ball", "name": "cup", "center": [0, 9, 0], "radius": 0.1, "speed": 0.1}
+    with served(arm, names=("a", "b"), obstacles=[cup]) as shield:
+        home, (a, b) = shield.position, (shield["a"], shield["b"])
+        assert a.follow_positions(a.position + 0.2) == 1
+        shield.place_obstacles({"cup": [0.0, 0.0, 0.0]})
+        assert wait_for(lambda: a.status.arrived == 1)
+        np.testing.assert_allclose(shield.position[:6], home[:6] + 0.2, atol=2e-3)
+        # The other one rests, and has followed nothing.
+        np.testing.assert_array_equal(shield.position[6:], home[6:])
+        assert b.status.silent_for == np.inf
+        assert (a.counts.chunks, b.counts.chunks) == (1, 0)
+        moves = np.repeat([np.full(6, 0.5)], 100, axis=0)
+        both = shield.follow_velocities({"a": 0.0 * moves, "b": moves}, rate=10)
+        assert both == {"a": 2, "b": 1}
+        reader = CommandReader(shield.path)
+        assert wait_for(lambda: b.velocity.max() > 0.49)
+        command = reader.at()
+        assert command.position.shape == command.stop(50).velocity.shape == (12,)
+        assert not command.stop(50).velocity.any()
+        shield.change_limits(shield.limits.replace(velocity=0.2))
+        assert wait_for(lambda: "change of limits" not in b.status.limited_by)
+        assert wait_for(lambda: f"{b.arm.joints[0]} velocity" in b.status.limited_by)
+        np.testing.assert_array_equal(b.limits.velocity, np.full(6, 0.2))
+        assert not shield.uncertified
+        # Each arm has its own alarm, and records in the memory.
+        with pytest.raises(InvalidInputError, match=r"^b: q: must be"):
+            shield.follow_positions({"a": home[:6], "b": home[:5]})
+        with pytest.raises(InvalidInputError, match="command: is called by the shield's own"):
+            shield.command()
+        assert shield.status["a"].arrived == 1
+    assert not shield.velocity.any()
+
+
+@pytest.mark.long
+def test_arms_of_a_process_keep_clear_and_one_yields_as_soon_as_it_is_told():
+    start = HOME + np.concatenate((np.zeros(7), REACH))
+    with served(ARM, start=start) as shield:
+        left, right, least = shield["left"], shield["right"], []
+        left.follow_positions(np.linspace(HOME[:7], HOME[:7] + REACH, 10), rate=10)
+
+        def comes_to(is_there):
+            least.append(shield.clearance.least_along(shield.position[None]).min())
+            return is_there()
+
+        assert wait_for(lambda: comes_to(lambda: left.status.blocked_for > 0.3))
+        assert "second_" in left.status.limited_by[0]
+        np.testing.assert_array_equal(right.position, start[7:])
+        shield.yields = "right"
+        assert wait_for(lambda: comes_to(lambda: np.abs(right.position - start[7:]).max() > 0.05))
+        assert min(least) >= 0.005 - 1e-9
+        assert not shield.uncertified

@@ -117,7 +117,7 @@ def test_garbage_at_10_khz_does_no_harm_and_is_told(tmp_path):
                 # A program that knows no rules.
                 number = memory.count + 1
                 head = number, rng.normal(), *rng.integers(0, 300, 3).tolist()
-                memory.chunks[number % 4].write(*head, rng.bytes(400))
+                memory.arms[0].chunks[number % 4].write(*head, rng.bytes(400))
                 memory.count = number
             elif given % 4 == 1:
                 with pytest.raises(InvalidInputError):
@@ -266,22 +266,32 @@ def number(text, **values):
     return eval(product, {}, values)
 
 
-@pytest.mark.parametrize(("n", "m"), [(6, 0), (7, 2), (9, 1)])
-def test_the_layout_is_that_of_the_page(n, m):
-    sizes = ShieldSizes(n, m, 10, ("joint",) * n + ("cup",) * m)
+@pytest.mark.parametrize(("n", "m", "arms"), [(6, 0, ()), (7, 2, ()), (9, 1, (4, 5))])
+def test_the_layout_is_that_of_the_page(n, m, arms):
+    sizes = ShieldSizes(n, m, 10, ("joint",) * n + ("cup",) * m, arms)
     begins, cells = layout()
-    kinds = ["status", "places", "refusal", *["chunk"] * 4, "names"]
+    chunks = [(f"chunk {k}", k) for k in range(4)]
+    parts = [("status", 0), ("places", 0), ("refusal", 0), *chunks, ("names", 0)]
+    if arms:
+        parts += [(f"second arm: {part}", k) for part, k in (("count", 0), parts[0], parts[2])]
+        parts += [(f"second arm: {part}", k) for part, k in chunks]
     at, w = 128, sizes.columns
-    records = [("command", ShieldMemory.command_fields(n), k) for k in range(1024)]
+    records = [(f"command {k}", ShieldMemory.command_fields(n), k) for k in range(1024)]
     assert number(begins["driver"], n=n) + 5 == 128 + ShieldMemory.command_bytes(n) // 8
-    rest = zip(kinds, ShieldMemory.records(sizes), strict=False)
-    records += [(name, text, index - 3) for index, (name, text) in enumerate(rest)]
-    for name, text, k in records:
+    rest = zip(parts, ShieldMemory.records(sizes), strict=False)
+    records += [(part, text, k) for (part, k), text in rest]
+    for part, text, k in records:
         known = {"n": n, "m": m, "w": w, "k": k, "l": len(sizes.text) // 8}
-        several = {"command": "command k, of 1024", "chunk": "chunk k, of 4"}
-        if name == "status":
+        several = {f"command {k}": "command k, of 1024", f"chunk {k}": "chunk k, of 4"}
+        name = re.sub(r" \d+$", "", part).removeprefix("second arm: ")
+        if part == "status":
             at += 5
-        assert number(begins[several.get(name, name)], **known) == at
+        for one, row in several.items():
+            part = part.replace(one, row)
+        assert number(begins[part], **known) == at
+        if name == "count":
+            at += 3
+            continue
         size = Struct(f"=Q{text}Q").size // 8
         assert number(cells[name][-1][0], **known) == size - 1
         at += size

@@ -9,9 +9,11 @@ is wanted and that of the tool, V. To a pose at rest b is the gradient of a func
 and along a constant twist it is constant: so a motion to and fro adds nothing beyond the largest
 value so far. While that does not grow by a tenth of what b alone would make of it, the speed falls,
 after a while in which the arm may just be starting or turning round, to a three-hundredth. With
-that the arm feels its way, and is as fast as before half a second after the way is free. A tool
+that the arm feels its way, and is as fast as before half a second after the way is free; what
+hardly counts as progress, along a wall, does not make it faster. A tool
 that was on its way elsewhere has lost some of that work as it turns round: once it has gone well
-along b for a while, progress counts from there. What asks for something else has all of the speed.
+along b for a while with all of its speed, progress counts from there; what one that feels its way
+has slid back, it first makes good. What asks for something else has all of the speed.
 Joints may be too slow for b: it counts as no more than what their limits can make of it by then.
 """
 
@@ -29,17 +31,18 @@ from ...inputs.fields import Array
 from ...robot.limits import JointLimits
 from ..law import Signals, State
 
-# Share of the work of what is wanted that is progress.
-_LEAST_GAIN = 0.1
+#: Share of the work of what is wanted that is progress.
+LEAST_GAIN = 0.1
+# The share of it that makes a tool faster.
+_FREE = 0.25
 # Time over which progress is a mean, in which the speed falls and grows by a factor of e [s].
 _MEAN, _FALL, _GROWTH = 0.1, 0.15, 0.08
 #: Least share of its speed that a tool wants.
 LEAST = 3e-3
-# Share of the work with which a tool goes well along what is wanted, and for how long it must [s],
-# also with all of its speed: what it has slid back from a table, it goes well again.
-_WELL, _LONG, _FAR = 0.5, 0.3, 0.02
+# Share of the work with which a tool goes well along what is wanted, and for how long it must [s].
+_WELL, _LONG = 0.5, 0.3
 #: Time without progress after which the speed to a pose falls [s]: the tool may first go astray.
-PATIENCE = 0.8
+POSE_PATIENCE = 0.8
 # A tool is not led by less than this [m/s].
 _NOTHING = 1e-3
 # At the edge of reach b counts as no less than this: a millimetre in two seconds is none [m/s].
@@ -57,7 +60,6 @@ class Progress(NamedTuple):
         rate: How fast that value has grown of late [m^2/s^2].
         since: Time for which it has not got on with the speed that it may want [s].
         well: Time for which it has gone well along what is wanted [s].
-        went: The same with all of its speed [s].
         age: Time since the same is wanted [s].
     """
 
@@ -68,7 +70,6 @@ class Progress(NamedTuple):
     rate: Any = 0.0
     since: Any = 0.0
     well: Any = 0.0
-    went: Any = 0.0
     age: Any = 0.0
 
 
@@ -124,7 +125,7 @@ def _advance_led(
         patience: See there.
         fastest: See there.
     """
-    share, blocked, _, ahead, rate, since, well, went, age = progress
+    share, blocked, _, ahead, rate, since, well, age = progress
     age = age + period
     square = size * size
     # What is more than the joints can make of it by then does not count.
@@ -133,21 +134,21 @@ def _advance_led(
         lambda: square,
         lambda: size * _smaller(size, fastest(age)),
     )
-    goes_well = power >= _WELL * share * square
-    well = _where(goes_well, well + period, 0.0)
-    went = _where(goes_well, went + share * period, 0.0)
-    is_on_its_way = (well >= _LONG) & (went >= _FAR)
+    well = _where(power >= _WELL * share * square, well + period, 0.0)
+    is_on_its_way = (well >= _LONG) & (share == 1.0)
     work = period * power + _where(is_on_its_way, 0.0, ahead)
     gained = larger(0.0, work)
     rate = rate + (gained - period * rate) / (_MEAN + period)
-    blocked = _where(rate >= _LEAST_GAIN * square, 0.0, blocked + period)
-    gets_on = rate >= _LEAST_GAIN * share * square
+    blocked = _where(rate >= LEAST_GAIN * square, 0.0, blocked + period)
+    gets_on = rate >= LEAST_GAIN * share * square
     since = _where(gets_on, 0.0, since + period)
     # One that turns round goes well again before the speed falls.
     falls = (since > patience) & ((well == 0.0) | (share < 1.0))
     lower = _where(falls, larger(LEAST, share * exp(-period / _FALL)), share)
-    share = _where(gets_on, _smaller(1.0, share * exp(period / _GROWTH)), lower)
-    return Progress(share, blocked, gained / size, work - gained, rate, since, well, went, age)
+    is_free = rate >= _FREE * share * square
+    higher = _where(is_free, _smaller(1.0, share * exp(period / _GROWTH)), share)
+    share = _where(gets_on, higher, lower)
+    return Progress(share, blocked, gained / size, work - gained, rate, since, well, age)
 
 
 def _where(condition: Any, one: Any, other: Any) -> Any:
@@ -239,7 +240,7 @@ class ShareOfSpeed:
             return _smaller(fastest_tool(J, self.limits, age), most)
 
         parts = before.tolist() if one else (before[..., k, None] for k in range(none.size))
-        after = advance(Progress(*parts), wanted, V, period, PATIENCE, fastest)
+        after = advance(Progress(*parts), wanted, V, period, POSE_PATIENCE, fastest)
         if one:
             return after.share, {"progress": np.array(after)}
         chosen = functions_of(before).where(acts, join(after), none)

@@ -512,14 +512,7 @@ class WithinClear:
         is_moved = _differ(choice.apply(choice.variable_of(z))[0], v)
         if not is_moved.any():
             return none, is_moved
-        state, _ = self._track(state, u, period)
-        world = self._world(state, u, period)
-        q = world.posture(state["commanded"])
-        left = world.gaps_now(q)
-        sight = self._sight({**state, "seen": q, "gaps": left}, choice, world)
-        path = q + sight.stop.travel(choice.first, sight.k)
-        near = world.near(path, sight.k, _ALL, _WITH_SLOPES)
-        scan = DistanceScan(Along(None, sight.ahead, sight.k, path, near.gaps), near.slopes)
+        left, sight, scan = self._look_around(state, u, period, choice)
         pairs, rows = none, self._rows(sight, scan, z)
         if rows is not None and not rows.hold(z):
             program_there = (state["v"], J, b, g, softness)
@@ -527,9 +520,45 @@ class WithinClear:
             pairs = np.flatnonzero(rows.A @ z <= rows.c + _MET) % self.clearance.count
         chosen = choice.variable_of(z)
         if _differ(choice.apply(chosen)[0], v).any():
-            failures = self._sharing_of_all.certificate.failures(chosen, q, left, sight.stop, world)
+            surroundings = sight.q, left, sight.stop, sight.world
+            failures = self._sharing_of_all.certificate.failures(chosen, *surroundings)
             pairs = np.concatenate((pairs, failures))
         return np.unique(pairs), is_moved
+
+    def pairs_against(
+        self, state: State, u: Signals, period: float, program: Program, v: Array
+    ) -> tuple[NDArray[np.bool_], Array]:
+        """Return the pairs that would hold back velocities of one robot from here, in NumPy.
+
+        Args:
+            state: See `pairs_in_the_way`.
+            u: See `step`.
+            period: See `step`.
+            program: See `step`.
+            v: The velocities, shape (n,) [rad/s].
+
+        Returns:
+            Which pairs these are, and how near each may come along the stop, shape (p,) each [m].
+        """
+        choice = self.within.choice(state, period, program)
+        *_, scan = self._look_around(state, u, period, choice)
+        gaps = scan.along.gaps.min(axis=0)
+        room = self.avoidance.approach * np.maximum(gaps - self.avoidance.distance, 0.0)
+        return -scan.slopes[0] @ v > room + _MET, gaps
+
+    def _look_around(
+        self, state: State, u: Signals, period: float, choice: Choice
+    ) -> tuple[Array, Sight, DistanceScan]:
+        """Return distances of all pairs, what may be in the way, and distances along the stop."""
+        state, _ = self._track(state, u, period)
+        world = self._world(state, u, period)
+        q = world.posture(state["commanded"])
+        left = world.gaps_now(q)
+        sight = self._sight({**state, "seen": q, "gaps": left}, choice, world)
+        path = q + sight.stop.travel(choice.first, sight.k)
+        near = world.near(path, sight.k, _ALL, _WITH_SLOPES)
+        along = Along(None, sight.ahead, sight.k, path, near.gaps)
+        return left, sight, DistanceScan(along, near.slopes)
 
     def _certify(
         self,

@@ -540,12 +540,8 @@ def _alone(arm: Arm, posture: Array) -> tuple[ArmCapsules, Indices, tuple[str, .
     )
     if (result := arm.memo.get(key)) is not None:
         return result
-    with telling(f"{arm.name}: its meshes are read"):
-        shapes = arm_shapes(arm)
-    capsules, left_out = capsules_of(arm, shapes)
-    world_capsules = place_capsules(arm, capsules)
+    shapes, capsules, left_out, world_capsules = _bodies(arm)
     stated_names = stated_bodies(arm)
-    _require_shapes(arm, shapes, world_capsules)
     # What touches a gripper at home depends on the arm, of which the gripper's file says nothing.
     has_gripper = arm.description.gripper is not None
     own_names = {n for n in stated_names if not (has_gripper and n.startswith(GRIPPER))}
@@ -558,6 +554,26 @@ def _alone(arm: Arm, posture: Array) -> tuple[ArmCapsules, Indices, tuple[str, .
         *(f"obstacles: {doubt}" for doubt in disabled_pairs),
     ]
     arm.memo[key] = result = world_capsules, own, tuple(doubts)
+    return result
+
+
+def _bodies(
+    arm: Arm,
+) -> tuple[ArmShapes, list[Capsule], list[tuple[str, str]], ArmCapsules]:
+    """Return what of an arm's clearance is the same in all postures; an arm keeps it as well.
+
+    Returns:
+        The shapes of its bodies, the capsules round these, the pairs of bodies that its file
+        leaves out, and the capsules where all joints are at zero.
+    """
+    if (result := arm.memo.get("bodies")) is not None:
+        return result
+    with telling(f"{arm.name}: its meshes are read"):
+        shapes = arm_shapes(arm)
+    capsules, left_out = capsules_of(arm, shapes)
+    placed = place_capsules(arm, capsules)
+    _require_shapes(arm, shapes, placed)
+    arm.memo["bodies"] = result = shapes, capsules, left_out, placed
     return result
 
 

@@ -45,8 +45,8 @@ _WELL, _LONG = 0.5, 0.3
 POSE_PATIENCE = 0.8
 # A tool is not led by less than this [m/s].
 _NOTHING = 1e-3
-# At the edge of reach b counts as no less than this: a millimetre in two seconds is none [m/s].
-_SLOW = 5e-3
+# At the edge of reach b counts as no less than this: a tenth, a millimetre a second, is none [m/s].
+_SLOW = 1e-2
 
 
 class Progress(NamedTuple):

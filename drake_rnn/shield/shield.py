@@ -899,7 +899,7 @@ class StreamShield(GuardedCommands):
 
     @cached_property
     def _joint_progress(self) -> JointProgress:
-        return JointProgress(self._next_limits or self.limits, self.period, PATIENCE["velocities"])
+        return JointProgress(self._guard.next_limits, self.period, PATIENCE["velocities"])
 
     @cached_property
     def _tool(self) -> ToolTracking:

@@ -336,8 +336,11 @@ def _cell(metric: str, value: float | None, verdict: Verdict | None) -> Cell | s
     """Return a value with its bound, without rounding errors; an empty text without either."""
     if value is None and verdict is None:
         return ""
-    numbers, form = ((), "not reached") if value is None else ((value,), "{}")
-    if value is not None and is_noise(metric, value, None if verdict is None else verdict.bound):
+    bound = None if verdict is None else verdict.bound
+    text = value_text(metric, value, bound)
+    # As a run prints it: a value that was not reached, or a violation that is none.
+    numbers, form = ((), text) if value is None or text == "none" else ((value,), "{}")
+    if numbers and is_noise(metric, numbers[0], bound):
         numbers = (0.0,)
     if verdict is None:
         return Cell(numbers, form)

@@ -24,13 +24,14 @@ from ..inputs.fields import (
     checked,
     each,
     instance,
+    is_name,
     is_vector,
     optional,
     vector,
     with_own_errors,
 )
 from ..inputs.messages import nearest, require_type, short
-from ..laws.guard import LastStep, StreamGuard
+from ..laws.guard import LastStep, StreamGuard, check_period
 from ..laws.guard_command import GuardCommand
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
@@ -48,7 +49,6 @@ from .shield import (
     ShieldSettings,
     ShieldStatus,
     check_function,
-    check_period,
     checked_motion,
     law_of,
     law_within,
@@ -463,7 +463,7 @@ def _shape_of(targets: object, values: Array) -> str:
 def checked_names(names: object) -> tuple[str, str]:
     """Return the names of two arms, checked."""
     every = list(names) if isinstance(names, (list, tuple)) else []
-    if len(every) != 2 or not all(isinstance(name, str) and name.strip() for name in every):
+    if len(every) != 2 or not all(isinstance(name, str) and is_name(name) for name in every):
         raise InvalidInputError(
             f"names: must be two names, of the first arm and of the second, not {short(names)}"
         )

@@ -36,12 +36,11 @@ from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
     NonNegative,
-    Positive,
+    Wait,
     checked,
     each,
     flag,
     instance,
-    number,
     optional,
     validated,
     vector,
@@ -50,7 +49,7 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning
 from ..inputs.messages import is_number, replace_unchecked, require_type, short
 from ..laws import JointStream
-from ..laws.guard import LastStep, Late, StreamGuard
+from ..laws.guard import LastStep, Late, StreamGuard, check_period
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
@@ -105,8 +104,8 @@ _JUMP = 0.5
 _WAYS = 64
 # A quaternion this far from length 1 is told.
 _UNIT = 1e-3
-# A tool does not turn or move faster [rad/s, m/s].
-_SPIN, _SPEED = 50.0, 10.0
+# A tool does not turn or move faster [rad/s, m/s]; a turn a second is never taken for degrees.
+_SPIN, _SPEED, _TURN_RATE = 50.0, 10.0, 6.3
 # What numbers are clipped to before they are squared.
 _HUGE = 1e100
 # Positions nearer to the origin than this may be meant from the tool [m].
@@ -115,8 +114,6 @@ _STEPS = 0.1
 _TURN, _NEAR = 1.0, 0.3
 # Calls of a source and of `command` are no farther apart than this [s].
 _PAUSE = 60.0
-# Periods that are longer are no seconds [s].
-_LONGEST_PERIOD = 1.0
 
 
 class ShieldStatus(NamedTuple):
@@ -160,7 +157,7 @@ class ShieldSettings:
     """How a shield follows its source."""
 
     lookahead: Annotated[
-        Positive | None,
+        Wait | None,
         Meaning(
             "How far ahead on its way the arm is led; by default twice the time in which the jerk "
             "takes the acceleration to its limit, at least 0.05 s.",
@@ -171,16 +168,16 @@ class ShieldSettings:
         Switch,
         Meaning("Rule for the overlap of two chunks."),
     ] = "blend"
-    overlap: Annotated[Positive, Meaning("Length of a blend.", unit="s")] = 0.1
+    overlap: Annotated[Wait, Meaning("Length of a blend.", unit="s")] = 0.1
     timeout: Annotated[
-        Positive,
+        Wait,
         Meaning(
             "Time after the last velocity or twist after which the joints come to rest.",
             unit="s",
         ),
     ] = 0.2
     stale: Annotated[
-        Positive,
+        Wait,
         Meaning(
             "Time since its last target after which a chunk that comes is not followed.",
             unit="s",
@@ -198,7 +195,7 @@ class ShieldSettings:
         ),
     ] = None
     blocked_after: Annotated[
-        Positive,
+        Wait,
         Meaning(
             "Time for which the arm does not get on after which `on_blocked` is called.", unit="s"
         ),
@@ -243,18 +240,6 @@ def check_function(key: str, function: object) -> None:
     if function is not None and not callable(function):
         raise InvalidInputError(
             f"{key}: must be a function that takes a ShieldStatus, not {short(function)}"
-        )
-
-
-def check_period(key: str, period: object) -> None:
-    """Raise an InvalidInputError unless this is a time between two commands [s]."""
-    number(above=0.0)(key, period)
-    value = float(period)  # type: ignore[arg-type]
-    if value > _LONGEST_PERIOD:
-        hint = f"; {value:g} Hz would be {1.0 / value:g}" if value >= 10.0 else ""
-        raise InvalidInputError(
-            f"{key}: {value:g} s is long; must be the seconds between two commands, neither "
-            f"milliseconds nor a rate{hint}"
         )
 
 
@@ -723,12 +708,16 @@ class StreamShield(GuardedCommands):
                 f"v: {largest.max():.6g} rad/s is more than ten times a limit of the velocity; "
                 "must be in rad/s, not degrees a second"
             )
-        elif kind == "twists" and (largest[:3].max() > _SPIN or largest[3:].max() > _SPEED):
-            raise InvalidInputError(
-                f"V_WE: {largest[:3].max():.3g} rad/s and {largest[3:].max():.3g} m/s are beyond "
-                f"{_SPIN:g} and {_SPEED:g}; must be an angular velocity [rad/s], not in degrees, "
-                "and then a velocity [m/s], not in millimetres"
-            )
+        elif kind == "twists":
+            # No posture turns the tool faster than all joints together.
+            spin = min(max(float(self._fastest.sum()), _TURN_RATE), _SPIN)
+            if largest[:3].max() > spin or largest[3:].max() > _SPEED:
+                raise InvalidInputError(
+                    f"V_WE: {largest[:3].max():.3g} rad/s and {largest[3:].max():.3g} m/s are "
+                    f"beyond {spin:.3g} and {_SPEED:g}, which no motion of the joints reaches; "
+                    "must be an angular velocity [rad/s], not in degrees, and then a velocity "
+                    "[m/s], not in millimetres"
+                )
         elif kind == "poses" and self.settings.poses is None:
             self._check_poses(rows)
 

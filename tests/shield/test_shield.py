@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from pydrake.math import RotationMatrix
 
-from drake_rnn import Guard, InvalidInputError, JointStream, Shield, ShieldSettings, load_arm
+from drake_rnn import (
+    Guard,
+    InvalidInputError,
+    JointStream,
+    Shield,
+    ShieldSettings,
+    UnprotectedWarning,
+    load_arm,
+)
 from drake_rnn.laws.guard import StepInPlace
 from drake_rnn.shield.chunks import Chunk, ChunkPath, SourceClock
 from drake_rnn.shield.pursuit import Pursuit, WayPursuit
@@ -863,8 +871,10 @@ def test_what_its_promises_rest_on_is_data():
 
 def test_a_shield_without_accelerations_says_that_velocities_jump():
     limits = PANDA.limits.replace(acceleration=None, jerk=None)
-    with pytest.warns(UserWarning, match=r"^limits: no acceleration is known of panda") as told:
+    text = r"^limits: no acceleration is known of panda"
+    with pytest.warns(UnprotectedWarning, match=text) as told:
         shield = Shield(PANDA, PERIOD, limits=limits)
+    assert [each.filename for each in told] == [__file__]
     assert str(told[0].message) in shield.warnings
 
 

@@ -626,10 +626,8 @@ class StreamGuard:
         self._one_before = self._place()
         #: Time that a call takes until its command is sent, if it is to be in time [s].
         self.call_time = 0.0
-        # How often obstacles had jumped when that was told; for how long each has not been
-        # measured [s], which is told once.
-        self._told, self._unmeasured = np.zeros(self._moving), np.zeros(self._moving)
-        self._is_told_unmeasured = np.zeros(self._moving, dtype=bool)
+        # How often obstacles had jumped when that was told; for how long each was not measured [s].
+        self._told, self._unmeasured = np.zeros((2, self._moving))
         # Whether calls tell the time, None before the first; that of the last call; and when the
         # next command is due.
         self._is_timed = None if t is None else True
@@ -1207,13 +1205,10 @@ class StreamGuard:
         """Warn of obstacles that have not been measured for long, or at the first command."""
         is_unknown = np.isnan(self._p_WO[0][:, 0])
         self._unmeasured = np.where(is_unknown, self._unmeasured + self.period, 0.0)
-        self._is_told_unmeasured &= is_unknown
-        if not is_unknown.any():
-            return
-        is_long = self._unmeasured > (_UNMEASURED if self._has_begun else 0.0)
-        is_new = is_long & ~self._is_told_unmeasured
-        self._is_told_unmeasured |= is_new
+        is_new = self._unmeasured > (_UNMEASURED if self._has_begun else 0.0)
         if is_new.any():
+            # It is told once each time.
+            self._unmeasured[is_new] = -np.inf
             names = ", ".join(self.moving_obstacles[k] for k in np.flatnonzero(is_new))
             since = f"for {_UNMEASURED:g} s" if self._has_begun else "yet"
             warn(

@@ -257,6 +257,10 @@ class JointLimits:
         lower = self.bounds[LOWER[name]] if name in LOWER else None
         return Sides(up, up) if lower is None else Sides(-lower, up)
 
+    def known_sides(self, name: str) -> Sides | None:
+        """Return the same as `sides`; None if the limit is not known."""
+        return None if self.bounds[name] is None else self.sides(name)
+
     def has_sides(self, name: str) -> bool:
         """Return whether a derivative has another bound downwards than upwards."""
         return name in LOWER and self.bounds[LOWER[name]] is not None
@@ -268,10 +272,8 @@ class JointLimits:
             name: Its name.
             values: Its values, shape (..., n).
         """
-        if self.bounds[name] is None:
-            return None
-        bound: Array = self.sides(name).toward(values > 0.0)
-        return bound
+        sides = self.known_sides(name)
+        return None if sides is None else np.asarray(sides.toward(values > 0.0))
 
     def require_one_bound(self, what: str) -> None:
         """Raise an InvalidInputError if bounds of the two directions differ.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..compiled.builds import Steps
 from ..drive.call_times import CallTimes
 from ..drive.own_process import Send, check_process
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, warn_unprotected
 from ..inputs.fields import (
     Array,
     checked,
@@ -35,7 +35,7 @@ from ..laws.guard import LastStep, StreamGuard, check_period
 from ..laws.guard_command import GuardCommand
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
-from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.arm_clearance import clearance_of
 from ..robot.clearance.capsules import Displacements
 from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits
@@ -50,11 +50,11 @@ from .shield import (
     ShieldStatus,
     check_function,
     checked_motion,
+    doubts_of,
     law_of,
     law_within,
     lookahead_of,
     require_limits_of,
-    warnings_of,
 )
 
 # How readily an arm leaves what it wants where bodies come near each other, if another one gives
@@ -136,8 +136,9 @@ class DualArmShield(CommandsOfProcess):
         self.obstacles = list(obstacles)
         solids = make_obstacles(self.obstacles)
         self.clearance: Clearance
-        self.clearance, self.warnings = arm_clearance(arm, solids, home)
-        self.warnings += warnings_of(limits, arm)
+        self.clearance, self.warnings = clearance_of(arm, solids, home)
+        self.warnings += doubts_of(limits, arm)
+        warn_unprotected(self.warnings)
         blocks = slice(0, arm.begins[1]), slice(arm.begins[1], arm.n)
         self.lookahead = max(
             lookahead_of(settings.lookahead, limits.select(range(arm.n)[block]), period)

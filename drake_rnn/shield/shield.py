@@ -32,7 +32,7 @@ from pydantic import Field, StrictBool, StrictInt
 
 from ..compiled.builds import Steps
 from ..drive.call_times import CallTimes
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, warn_unprotected
 from ..inputs.fields import (
     Array,
     NonNegative,
@@ -52,7 +52,7 @@ from ..laws import JointStream
 from ..laws.guard import LastStep, Late, StreamGuard, check_period
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
-from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.arm_clearance import clearance_of
 from ..robot.clearance.capsules import Displacements
 from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint, require_resting
@@ -310,8 +310,9 @@ class StreamShield(GuardedCommands):
         self.obstacles = list(obstacles)
         solids = make_obstacles(self.obstacles)
         if collisions or solids:
-            self.clearance, self.warnings = arm_clearance(arm, solids, home)
-        self.warnings += warnings_of(limits, arm)
+            self.clearance, self.warnings = clearance_of(arm, solids, home)
+        self.warnings += doubts_of(limits, arm)
+        warn_unprotected(self.warnings)
         law = law_of(arm, limits, home, self.lookahead, self.clearance)
         self._steps = made_by = Steps(settings.compiled) if steps is None else steps
         self._times = CallTimes("shield", period, lambda: made_by.text)
@@ -1119,16 +1120,14 @@ def law_of(
     )
 
 
-def warnings_of(limits: JointLimits, arm: Arm) -> tuple[str, ...]:
-    """Return what limits of an arm lack, and warn of it; nothing where they have accelerations."""
+def doubts_of(limits: JointLimits, arm: Arm) -> tuple[str, ...]:
+    """Return what limits of an arm lack; nothing where they have accelerations."""
     if limits.acceleration is not None:
         return ()
-    text = (
+    return (
         f"limits: no acceleration is known of {arm.name}, so commanded velocities jump; give "
-        "limits=arm.limits.replace(acceleration=..., jerk=...)"
+        "limits=arm.limits.replace(acceleration=..., jerk=...)",
     )
-    warn(text, stacklevel=4)
-    return (text,)
 
 
 def require_limits_of(arm: Arm, limits: object, home: Array) -> None:

@@ -144,7 +144,7 @@ class JointProgress:
         """
         progress, period = self._progress, self._period
         asked = self._velocity.clip(asked)
-        if is_another_twist(asked, self._asked):
+        if not self._asked.any() or is_another_twist(asked, self._asked):
             progress.clear()
             self._asked, self._powers = asked, 0.0 * asked
         self._powers = self._powers + (v * asked - self._powers) * (period / (_MEAN + period))

@@ -102,10 +102,11 @@ def test_joints_that_get_no_further_rest_and_others_go_on():
     status, before = shield.status, shield.position
     assert status.blocked_for > 0.5
     assert any("table" in cause for cause in status.limited_by)
-    for k in range(430, 470):
+    for k in range(430, 460):
         shield.follow_velocities(-asked, t=k * PERIOD)
         shield.command(k * PERIOD)
-    assert (np.sign(asked) * (shield.position - before))[[1, 3, 6]].max() < -0.01
+    assert (shield.position - before)[1] < -0.02
+    assert (shield.position - before)[3] > 0.1
 
 
 def test_what_is_in_the_way_is_what_would_hold_velocities_back():

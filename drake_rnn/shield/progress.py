@@ -108,10 +108,10 @@ class Progress:
 
 
 class JointProgress:
-    """What each joint gets on along the velocity that is asked of it.
+    """What joints get on together along the velocities that are asked of them.
 
-    One that does not wants less and less, so that it no longer pushes others along what is in its
-    way; one that does has all of its velocity.
+    Those that hardly move as they are asked want less and less if all of them make no progress, so
+    that they no longer push others along what is in their way. The others have all they ask for.
 
     Args:
         limits: Limits of the joints.
@@ -121,18 +121,19 @@ class JointProgress:
 
     def __init__(self, limits: JointLimits, period: float, patience: float) -> None:
         self._period, self._patience = period, patience
-        self._fastest = limits.sides("velocity").largest
-        self._most = None
+        self._velocity = limits.sides("velocity")
+        self._fastest = self._velocity.largest
+        self._most = np.full(limits.size, np.inf)
         if limits.acceleration is not None:
             self._most = limits.sides("acceleration").largest
-        self._joints = [Progress() for _ in range(limits.size)]
-        self._asked, self._is_noted = np.zeros(limits.size), False
+        self._progress = Progress()
+        self._asked, self._powers = np.zeros(limits.size), np.zeros(limits.size)
+        self._held = np.zeros(limits.size, dtype=bool)
 
-    def clear(self) -> None:
-        """Begin anew."""
-        for joint in self._joints:
-            joint.clear()
-        self._is_noted = False
+    @property
+    def blocked(self) -> float:
+        """Time for which those that hardly move have made no progress [s]."""
+        return self._progress.blocked
 
     def shares(self, asked: Array, v: Array) -> Array:
         """Return the shares of their velocities that joints may want, after a sample, shape (n,).
@@ -141,22 +142,21 @@ class JointProgress:
             asked: Velocities that are asked for, shape (n,) [rad/s].
             v: Those of the joints, likewise.
         """
-        before, self._asked = self._asked, asked
-        if not self._is_noted and (v * asked >= _LEAST_GAIN * asked * asked).all():
-            return np.ones(asked.size)
-        self._is_noted = True
-        for k, joint in enumerate(self._joints):
-            if asked[k] * before[k] <= 0.0:
-                joint.clear()
+        progress, period = self._progress, self._period
+        asked = self._velocity.clip(asked)
+        if not self._asked.any() or is_another_twist(asked, self._asked):
+            progress.clear()
+            self._asked, self._powers = asked, 0.0 * asked
+        self._powers = self._powers + (v * asked - self._powers) * (period / (_MEAN + period))
+        held = self._powers < _WELL * asked * asked
+        self._held = held if progress.share == 1.0 else self._held | held
+        held = self._held
 
-            def fastest(age: float, k: int = k) -> float:
-                most = np.inf if self._most is None else float(self._most[k]) * age
-                return min(float(self._fastest[k]), most)
+        def fastest(age: float) -> float:
+            return float(np.linalg.norm(np.minimum(self._fastest, self._most * age)[held]))
 
-            joint.note(asked[k : k + 1], v[k : k + 1], self._period, self._patience, fastest)
-        if not any(joint.blocked for joint in self._joints):
-            self._is_noted = any(joint.share < 1.0 for joint in self._joints)
-        return np.array([joint.share for joint in self._joints])
+        progress.note(held * asked, held * v, period, self._patience, fastest)
+        return np.where(held, progress.share, 1.0)
 
 
 class WayBack:

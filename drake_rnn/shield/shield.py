@@ -93,8 +93,6 @@ _BEHIND, _HALT = 0.02, 0.1
 # An arm whose joints stay this near to a posture does not get on [rad]; one that is behind by more
 # than that wants to [rad].
 _STANDS, _WANTS = 0.03, 0.02
-# Share of a velocity that is asked for below which an arm does not get on.
-_ADVANCES = 0.1
 # A tool has arrived that is turned off its pose by less than the first of these, joints that are
 # nearer to their positions than the second [rad], if they are slower than the third [rad/s].
 _AT_TURN, _AT_JOINTS, _SETTLED = 5e-3, 2e-3, 1e-3
@@ -937,18 +935,15 @@ class StreamShield(GuardedCommands):
     def _blocked_for(self, q: Array, longer: float) -> float:
         """Return for how long the arm has not got on [s], which is `longer` if it still does not.
 
-        The tool is blocked if it makes no progress, other arms if they stand.
+        The tool is blocked if it makes no progress, joints if those do not that velocities are
+        asked of, other arms if they stand.
         """
         if self._kind in ("poses", "twists"):
             is_there = self._kind == "poses" and self._is_at_pose(q)
             return 0.0 if is_there or not self._is_led else self._tool.blocked
-        asked, v = self._asked, self.velocity
         if self._kind == "velocities":
-            asked = self.limits.sides("velocity").clip(asked) if asked.size else 0.0 * v
-            gets_on = float(v @ asked) >= _ADVANCES * float(asked @ asked)
-        else:
-            gets_on = self._error < _WANTS
-        if gets_on or np.abs(q - self._stands_at).max() > _STANDS:
+            return self._joint_progress.blocked if self._asked.size else 0.0
+        if self._error < _WANTS or np.abs(q - self._stands_at).max() > _STANDS:
             self._stands_at = q
             return 0.0
         return longer

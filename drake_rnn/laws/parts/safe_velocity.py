@@ -84,7 +84,7 @@ from ...inputs.keys import Meaning
 from ...inputs.messages import fields_of, replace_unchecked
 from ...robot.clearance import Clearance, Flags, Indices
 from ...robot.clearance.capsules import NUMBER_AXES
-from ...robot.clearance.clearance import Neighbour
+from ...robot.clearance.clearance import Needs, Neighbour
 from ...robot.limits import JointLimits
 from ..law import Signals, State
 from .bounded_velocity import (
@@ -709,11 +709,24 @@ class WithinClear:
             return DistanceScans(are_few, DistanceScan(along, near.slopes), every)
 
         def every() -> DistanceScans:
-            near = sight.world.near(path, k, _ALL, _WITH_SLOPES)
+            needs = Needs(flags, self._bounds_of_slopes(sight))
+            near = sight.world.near(path, k, _ALL, _WITH_SLOPES, needs)
             along = Along(None, flags, k, path, near.gaps)
             return DistanceScans(are_few, nothing.few, DistanceScan(along, near.slopes))
 
         return either(are_few, few, every)
+
+    def _bounds_of_slopes(self, sight: Sight) -> Array:
+        """Return distances from which on slopes do not matter, shape (1 + s, p) [m]."""
+        # Here they are for joints that make way, and to be lifted off what is near.
+        here = functions_of(self._zones).maximum(self._zones, self.avoidance.distance)
+        return functions_of(sight.q, here).concatenate((here[None], self._row_bounds(sight)))
+
+    def _row_bounds(self, sight: Sight, numbers: Indices | None = None) -> Array:
+        """Return distances from which on no velocity of the box can fail a row, shape (s, r)."""
+        rate = self.avoidance.approach * sight.world.period
+        reaches = self._reaches if numbers is None else entries(self._reaches, numbers)
+        return self.avoidance.distance + (sight.leverage * sight.widest) @ reaches.T / rate
 
     def _nothing(self, sight: Sight) -> DistanceScan | DistanceScans | None:
         """Return what takes the place of a look: None or, in JAX, arrays that say nothing."""
@@ -752,9 +765,7 @@ class WithinClear:
         xp, numbers = functions_of(z), along.pairs
         gaps = along.gaps[_WITH_SLOPES[1:]] if xp is np else _places(along.gaps)
         room = rate * xp.maximum(gaps - distance, 0.0)
-        reaches = (self._reaches if numbers is None else entries(self._reaches, numbers)).T
-        # Of a pair that is farther away no velocity of the box can fail the row.
-        counts = gaps < distance + (leverage * sight.widest) @ reaches / rate
+        counts = gaps < self._row_bounds(sight, numbers)
         if numbers is None or along.places is not None:
             A = scan.slopes[1:, :, : z.size] * leverage[:, None]
             # Of few pairs those that do not count are infinitely far.
@@ -766,7 +777,8 @@ class WithinClear:
             c = A @ first_z - room / xp.where(counts, size, 1.0)
             return Rows(A, xp.where(counts, c, -np.inf))
         # A row allows what the slope could take of the room, and no slope is larger than reaches.
-        travel = (leverage * np.abs(z - first_z)) @ reaches
+        reaches = self._reaches if numbers is None else entries(self._reaches, numbers)
+        travel = (leverage * np.abs(z - first_z)) @ reaches.T
         if not np.count_nonzero(travel > room):
             return None
         postures, places = np.nonzero(counts)

@@ -184,6 +184,7 @@ class Sight(NamedTuple):
         widest: By how much z may differ from that of the stop, shape (n,) [rad/s].
         room: How much nearer than the stop z may bring each pair at least, shape (p,) [m].
         ahead: Whether a z of the box can fail a row of each pair, shape (p,).
+        close: Whether one can be so near in the stop that the certificate has to look, shape (p,).
         in_zone: Whether it is so near that joints may make way for it, shape (p,).
     """
 
@@ -197,6 +198,7 @@ class Sight(NamedTuple):
     widest: Array
     room: Array
     ahead: Flags
+    close: Flags
     in_zone: Flags
 
 
@@ -660,12 +662,13 @@ class WithinClear:
         leverage = choice.leverage(rows)
         left = state["gaps"] - reaches @ abs(q - state["seen"]) - world.nearer(1.0)
         least = left - reaches @ stop.way(first) - world.nearer(k[-1])
-        room = self.avoidance.approach * world.period * (least - self.avoidance.distance)
+        spare, rate = least - self.avoidance.distance, self.avoidance.approach * world.period
         (lower, upper), z = choice.box, choice.first_z
-        widest = xp.maximum(upper - z, z - lower)
-        ahead = self._reaches @ (leverage[-1] * widest) > room
-        in_zone = left < self._zones
-        return Sight(q, choice, stop, world, left, k, leverage, widest, room, ahead, in_zone)
+        widest, room = xp.maximum(upper - z, z - lower), rate * spare
+        nearer = self._reaches @ (leverage[-1] * widest)
+        # A way may lead there and back.
+        near = (nearer > room, 2.0 * nearer > spare, left < self._zones)
+        return Sight(q, choice, stop, world, left, k, leverage, widest, room, *near)
 
     @cached_property
     def _zones(self) -> Array:
@@ -709,7 +712,9 @@ class WithinClear:
             return DistanceScans(are_few, DistanceScan(along, near.slopes), every)
 
         def every() -> DistanceScans:
-            needs = Needs(flags, self._bounds_of_slopes(sight))
+            # Of a pair that is not close, what only the certificate would look at is not needed.
+            with_rows = np.isin(np.arange(len(k)), _WITH_SLOPES)[:, None]
+            needs = Needs(flags & (with_rows | sight.close), self._bounds_of_slopes(sight))
             near = sight.world.near(path, k, _ALL, _WITH_SLOPES, needs)
             along = Along(None, flags, k, path, near.gaps)
             return DistanceScans(are_few, nothing.few, DistanceScan(along, near.slopes))
@@ -752,6 +757,7 @@ class WithinClear:
         gaps, slopes, numbers = scan.along.gaps[0], scan.slopes[0], scan.along.pairs
         if numbers is None or scan.along.places is not None:
             is_here = gaps < (self._zones if numbers is None else entries(self._zones, numbers))
+            is_here = is_here & scan.along.flags if numbers is None else is_here
             return self.repulsion.velocity(functions_of(gaps).where(is_here, gaps, np.inf), slopes)
         (here,) = (gaps < self._zones[numbers]).nonzero()
         return self.repulsion.velocity(gaps[here], slopes[here])

@@ -87,7 +87,7 @@ class Needs(NamedTuple):
     """What is needed of the distances of pairs in some postures.
 
     Attributes:
-        flags: Of which pairs they are, shape (p,).
+        flags: Of which pairs, and in which postures, shape (k, p); of others they are -inf.
         bounds: Distances below which slopes are, of a pair that is below in one posture with slopes
             at least, shape (s, p) [m].
     """
@@ -195,8 +195,7 @@ class Pairs:
             X: Motions of the links in k postures, from ``arm.poses.at``.
             p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
             selection: The s postures in which slopes are wanted.
-            needs: What is needed; None for all. Other pairs are infinitely far, other slopes 0, and
-                compiled code does not compute them.
+            needs: What is needed; None for all. Compiled code does not compute the rest.
 
         Returns:
             Distances, shape (k, p) [m], and slopes, shape (s, p, n) [m/rad].
@@ -216,9 +215,9 @@ class Pairs:
         if needs is None:
             return gaps, slopes
         where = functions_of(gaps).where
-        gaps = where(needs.flags, gaps, np.inf)
-        is_below = (gaps[selection] < needs.bounds).any(axis=0)
-        return gaps, where((needs.flags & is_below)[:, None], slopes, 0.0)
+        gaps = where(needs.flags, gaps, -np.inf)
+        has_slopes = (needs.flags[selection] & (gaps[selection] < needs.bounds)).any(axis=0)
+        return gaps, where(has_slopes[:, None], slopes, 0.0)
 
     def gaps_between(
         self,
@@ -276,7 +275,7 @@ class Pairs:
         return xp.maximum(planes, turned) - self.radii
 
     def nearest(self, X: Array, p_WO: Array | None, flags: Flags | None = None) -> Nearest:
-        """Return the nearest points of the pairs' segments; 0 of those without a flag, if any."""
+        """Return the nearest points of the pairs' segments; 0 where there is no flag, (k, p)."""
         sides, ends = self.sides, self.arm.segments_in_world(X)
         xp = functions_of(X)
         if p_WO is not None and p_WO.size:
@@ -299,9 +298,9 @@ class Pairs:
             back = (x + solid.centers for x in near[1:])
             nearest_points.append(Nearest(near.distance, *back))
         if flags is not None:
-            ends_of = np.cumsum([each.distance.shape[-1] for each in nearest_points])[:-1]
-            parts_of = [flags[a:b] for a, b in pairwise((0, *ends_of, len(flags)))]
-            nearest_points = list(map(_only, nearest_points, parts_of))
+            counts = [each.distance.shape[-1] for each in nearest_points]
+            parts = [flags[..., a:b] for a, b in pairwise((0, *np.cumsum(counts)))]
+            nearest_points = list(map(_only, nearest_points, parts))
         if len(nearest_points) == 1:
             return nearest_points[0]
         if not nearest_points:
@@ -313,9 +312,9 @@ class Pairs:
 
 
 def _only(near: Nearest, flags: Flags) -> Nearest:
-    """Return nearest points of pairs with a flag, shape (p,), and 0 for the others."""
-    where, rows = functions_of(near.distance, flags).where, flags[:, None]
-    points = (where(rows, each, 0.0) for each in near[1:])
+    """Return nearest points where there is a flag, shape (k, p), and 0 for the others."""
+    where = functions_of(near.distance, flags).where
+    points = (where(flags[..., None], each, 0.0) for each in near[1:])
     return Nearest(where(flags, near.distance, 0.0), *points)
 
 

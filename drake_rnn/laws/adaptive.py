@@ -85,6 +85,7 @@ from .law import (
     Layout,
     SampledReading,
     Signals,
+    State,
 )
 from .parts.bounded_velocity import Program, limits_within_bounds, reached_limits
 from .parts.jacobian import (
@@ -106,7 +107,9 @@ from .parts.path_task import (
     gain_within_jerk,
     in_metres,
 )
+from .parts.progress import ShareOfSpeed
 from .parts.reach_edge import (
+    AT_REST,
     EDGE,
     OF_PIXELS,
     Change,
@@ -536,7 +539,7 @@ class AdaptiveReading(SampledReading):
     @property
     def _components(self) -> tuple[Component[..., Any], ...]:
         """Its parts with memory, in the order of their parts of the state."""
-        return self._within, self._source, self._late, self._task, self._rest
+        return self._within, self._source, self._late, self._task, self._rest, self._progress
 
     @property
     def inputs(self) -> Layout:
@@ -616,8 +619,20 @@ class AdaptiveReading(SampledReading):
         is_pose = law.turns and law.jacobian == "known" and law.surface is None
         size = law.limits.size if is_pose or law.rests_by_axes else 0
         # What is measured with errors or late moves this posture to and fro.
-        is_exact = law.measurement.error == 0.0 and law.measurement.delay == 0.0
-        return RestPosture(self._edge, size, law.turns, 1.0 * is_exact)
+        return RestPosture(self._edge, size, law.turns, self._is_exact)
+
+    @cached_property
+    def _progress(self) -> ShareOfSpeed:
+        """What lets an arm rest that learns where the edge of reach is."""
+        law = self.law
+        is_plain = law.points is None and law.surface is None and law.objectives is None
+        return ShareOfSpeed(law.limits, is_plain and law.learns_jacobian, self._is_exact)
+
+    @property
+    def _is_exact(self) -> Any:
+        """1 where measurements are exact and in time, else 0, a number or shape (..., 1)."""
+        measurement = self.law.measurement
+        return 1.0 * (measurement.error == 0.0 and measurement.delay == 0.0)
 
     @property
     def _share(self) -> float:
@@ -670,6 +685,9 @@ class AdaptiveReading(SampledReading):
         if rest is None or not is_led(rest).all():
             back, g, softness, near = self._within_reach(J, error, g, parts, u, period)
             rest, rest_state = self._rest.step(parts, u, period, along, near)
+        if self._progress.acts:
+            share, progress = self._share_of_speed(state, u, period, J, (along, error, back))
+            back, g, rest_state = share * back, share * g, rest_state | progress
         along, back = self._task.pressing({**state, **task_state}, u, along, back)
         program = Program(J, along + back, along, g, softness)
         if ranges is not None:
@@ -684,10 +702,31 @@ class AdaptiveReading(SampledReading):
         own = {"v": v, "commanded": q + period * v} | rest_state
         return self.state.from_parts({**own, **within, **learned, **late, **task_state})
 
+    def _share_of_speed(
+        self, state: State, u: Signals, period: float, J: Array, seen: tuple[Array, ...]
+    ) -> tuple[Any, State]:
+        """Return the share of its speed that the task may want; see `ShareOfSpeed.step`.
+
+        Args:
+            state: Parts of the state, by name.
+            u: Signals at the sample.
+            period: Time until the next sample [s].
+            J: Jacobian of the task, shape (..., m, n).
+            seen: Task velocity of the path, error and what `_within_reach` makes of its feedback,
+                shape (..., m) each.
+        """
+        (along, error, back), scales, source = seen, self._edge.scales, self._source
+        assert isinstance(source, LearnedJacobian)
+        wanted, V = scales * self._task.back(error), scales * source.task_velocity(state, u, period)
+        rests = abs(along).max(axis=-1, keepdims=True) <= AT_REST
+        rows = scales[..., None] * J
+        return self._progress.step(state, u, period, wanted, scales * back, V, rows, rests)
+
     def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
         motion = {"commanded": q, "v": v, "a": a}
         state = self.state.by_name(x)
         parts = self._within.resumed(state, motion, elapsed) | self._rest.resumed(state)
+        parts |= self._progress.resumed(state)
         return self.state.with_parts(x, **{"commanded": q, "v": v, **parts})
 
     def _within_reach(

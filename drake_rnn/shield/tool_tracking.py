@@ -9,11 +9,19 @@ from ..inputs.fields import Array
 from ..laws import Adaptive
 from ..laws.guard import StreamGuard
 from ..laws.parts.jacobian import LEVER
+from ..laws.parts.progress import (
+    LEAST,
+    NO_PROGRESS,
+    POSE_PATIENCE,
+    advance,
+    asks_for_nothing,
+    fastest_tool,
+)
 from ..laws.parts.reach_edge import out_of_reach
 from ..robot.arm import Arm
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
-from .progress import LEAST, Progress, WayBack, asks_for_nothing, is_another_twist
+from .progress import WayBack, is_another_twist
 from .twist_lead import Feedback, TwistLead
 
 #: A tool that is this far off its pose wants to get on [m, rad].
@@ -25,8 +33,8 @@ _LITTLE = 0.2
 # Deceleration and largest speed with which a tool joins poses [m/s^2, m/s]; the first is no more
 # than joints that are slow to brake can make of it, this far from the tool [m].
 _BRAKING, _JOINING, _ARM = 1.0, 0.5, 0.5
-#: Time without progress after which less speed is wanted [s]: to a pose a tool may first go astray.
-PATIENCE = {"velocities": 0.25, "twists": 0.25, "poses": 0.8}
+#: Time without progress after which less speed is wanted [s].
+PATIENCE = {"velocities": 0.25, "twists": 0.25, "poses": POSE_PATIENCE}
 # Joints of a tool that does not get on are no faster than a share of this [rad/s].
 _CALM = 1.0
 # What makes the rows of a twist lengths a second.
@@ -69,7 +77,7 @@ class ToolTracking:
         self._feedbacks = turn, Feedback(own.kappa, own.braking, own.feedback_limit)
         self._lead = TwistLead(*self._feedbacks, period)
         self._has_begun = False
-        self._progress, self._way_back = Progress(), WayBack()
+        self._progress, self._way_back = NO_PROGRESS, WayBack()
         # Whether the tool wants less than all of its speed, as of the last that led it anywhere.
         self._is_at_end = False
         # The twist since which progress is counted; the pose as the tool last got on or came to
@@ -84,7 +92,7 @@ class ToolTracking:
     def clear(self) -> None:
         """Have the next twist or pose begin where the tool is then."""
         self._lead.clear()
-        self._progress.clear()
+        self._progress = NO_PROGRESS
         self._way_back.clear()
         # The law too: what it wanted before is no longer wanted.
         self._has_begun = False
@@ -146,7 +154,7 @@ class ToolTracking:
             self._way_back.turn(q)
         else:
             self._way_back.clear()
-        self._progress.clear()
+        self._progress = NO_PROGRESS
 
     def _leads_elsewhere(self, here: tuple[Array, Array]) -> bool:
         """Return whether a pose leads elsewhere than it did as the tool last got on, from there.
@@ -172,26 +180,25 @@ class ToolTracking:
             guard: What commands the arm.
             v: Velocities that the law chooses, shape (n,) [rad/s].
             wanted: Task velocity that is wanted, of rows that are lengths, shape (6,) [m/s].
-            patience: See `Progress.note`.
+            patience: See `drake_rnn.laws.parts.progress.advance`.
         """
         self.whole_velocity = v
-        q, limits, progress, period = guard.position, self._limits, self._progress, self._period
+        q, limits, period = guard.position, self._limits, self._period
         speed = float(np.linalg.norm(wanted))
         if (back := self._way_back.velocity(q, speed, period)) is not None:
             return back / max(float((np.abs(back) / limits.toward("velocity", back)).max()), 1.0)
 
+        if asks_for_nothing(wanted):
+            self._progress = NO_PROGRESS
+            return v
+
         def fastest(age: float) -> float:
-            columns = np.linalg.norm(_LENGTHS[:, None] * self._step.u["J"], axis=0)
-            v = limits.sides("velocity").largest
-            if limits.acceleration is not None:
-                v = np.minimum(v, limits.sides("acceleration").largest * age)
-            return float(columns @ v)
+            return float(fastest_tool(_LENGTHS[:, None] * self._step.u["J"], limits, age))
 
         V_tool = _LENGTHS * self._tool_velocity(guard)
-        progress.note(wanted, V_tool, period, patience, fastest)
-        if not asks_for_nothing(wanted):
-            self._is_at_end = progress.share < 1.0
-            self._way_back.note(q, progress.gained)
+        progress = advance(self._progress, wanted, V_tool, period, patience, fastest)
+        self._progress, self._is_at_end = progress, progress.share < 1.0
+        self._way_back.note(q, progress.gained)
         return progress.share * v
 
     @property

@@ -409,19 +409,14 @@ class LearnedJacobian:
 
     def step(self, state: State, u: Signals, period: float) -> tuple[Array, State]:
         """Return the Jacobian, shape (..., m, n); see `Component.step`."""
-        over = self.samples * period
-        q, p = u["position"], u["p_WE"]
-        w = (q - state["q_before"][..., -1, :]) / over
-        y = (p - state["p_before"][..., -1, :]) / over
+        q, p, y = u["position"], u["p_WE"], self.task_velocity(state, u, period)
+        w = (q - state["q_before"][..., -1, :]) / (self.samples * period)
         parts = {
             "q_before": push(state["q_before"], q, -2),
             "p_before": push(state["p_before"], p, -2),
         }
         if self.turns:
-            R = u["R_WE"]
-            rotation = rotation_error(state["R_before"][..., -1, :, :], R) / over
-            y = join((rotation, y))
-            parts["R_before"] = push(state["R_before"], R, -3)
+            parts["R_before"] = push(state["R_before"], u["R_WE"], -3)
         before = state["J_hat"], state["covariance"]
         after = kalman_update(*before, w, y, self.wander * period, self.variance)
         if self.still > 0.0:
@@ -432,6 +427,15 @@ class LearnedJacobian:
         if self.leaps:
             parts = self._unless_leapt(state, parts, q, p, period)
         return parts["J_hat"], parts
+
+    def task_velocity(self, state: State, u: Signals, period: float) -> Array:
+        """Return the task velocity that is measured, shape (..., m); see `Component.step`."""
+        over = self.samples * period
+        y = (u["p_WE"] - state["p_before"][..., -1, :]) / over
+        if not self.turns:
+            return y
+        rotation = rotation_error(state["R_before"][..., -1, :, :], u["R_WE"]) / over
+        return join((rotation, y))
 
     def _unless_leapt(self, state: State, parts: State, q: Array, p: Array, period: float) -> State:
         """Return the parts of the next state, which after a leap know of no motion before it."""

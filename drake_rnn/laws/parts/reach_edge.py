@@ -198,8 +198,8 @@ _END = 1e-3
 _NEARER, _AT_END = 0.05, 0.02
 # Factors of the speeds that acceleration and jerk allow to a posture that stays where it is.
 _FIXED = (1.8, 0.7)
-# Task velocity of a target that rests [m/s, rad/s].
-_AT_REST = 1e-9
+#: Task velocity of a target that rests [m/s, rad/s].
+AT_REST = 1e-9
 # Way of a stop after which it may matter that the target is out of reach [rad].
 _OVER = 0.5
 # What is no larger is nothing [m, m/s].
@@ -667,7 +667,7 @@ class RestPosture:
         if not acts(self.exact):
             return None, none
         xp, stops = functions_of(along), self.edge.stops(v)
-        rests = (abs(along).max(axis=-1, keepdims=True) <= _AT_REST) & (self.exact > 0.0)
+        rests = (abs(along).max(axis=-1, keepdims=True) <= AT_REST) & (self.exact > 0.0)
         led = state["leads"] > 0.0
         # Joints that get far before they can stop may leave the edge, and come back to it.
         seeks = rests & (led | near | (abs(stops).max(axis=-1, keepdims=True) > _OVER))

@@ -168,8 +168,34 @@ def scene(
     return [box], np.append(p_WE[:2] + out, p_WE[2]) + rng.uniform(-0.4, 0.4, 3)
 
 
-def episode(seed: int, *, meshes: tuple[str, ...] = (), compiled: bool = True) -> Found:
-    """Return what an episode comes to."""
+class Draw(NamedTuple):
+    """What an episode is of.
+
+    Attributes:
+        rng: What its start and its scene are drawn from.
+        name: Name of the arm, of `ARMS`.
+        kind: Of what its targets are.
+        into: What the stick is held into.
+        period: Time between two commands [s].
+        limits: Limits of the joints.
+        speed: How fast the tool is to go [m/s].
+        moves: Whether a second arm is led.
+        held: How long the stick is held [s]; None for until the arm rests.
+    """
+
+    rng: np.random.Generator
+    name: str
+    kind: str
+    into: str
+    period: float
+    limits: JointLimits
+    speed: float
+    moves: bool
+    held: float | None
+
+
+def draw_of(seed: int) -> Draw:
+    """Return what an episode is of."""
     rng = np.random.default_rng(seed)
     number = int(rng.integers(len(ARMS)))
     name, kind, into = ARMS[number], str(rng.choice(KINDS)), str(rng.choice(INTO[:-1]))
@@ -187,34 +213,66 @@ def episode(seed: int, *, meshes: tuple[str, ...] = (), compiled: bool = True) -
     )
     speed, moves = float(rng.uniform(0.05, 0.3)), bool(rng.random() < 0.5)
     held = HELD if rng.random() < TO_THE_END else None
-    found: Found = {"arm": name, "kind": kind, "into": into, "period": period, "jerk": jerk}
-    settings, home = ShieldSettings(compiled=compiled, blocked_after=AT_ONCE), arm.home
-    maker: Any = DualArmShield if name == PAIR else Shield
-    alarm: list[Any] = []
-    how: Found = {"limits": limits, "on_blocked": lambda *status: alarm.append(status)}
+    return Draw(rng, name, kind, into, period, limits, speed, moves, held)
+
+
+def about(draw: Draw) -> Found:
+    """Return what is kept of what an episode is of."""
+    assert draw.limits.jerk is not None
+    jerk = float(np.max(draw.limits.jerk))
+    of = {"arm": draw.name, "kind": draw.kind, "into": draw.into, "period": draw.period}
+    return of | {"jerk": jerk}
+
+
+def placed(
+    draw: Draw, settings: ShieldSettings, on_blocked: Any = None
+) -> tuple[Shield | DualArmShield, Array] | None:
+    """Return a shield at a start that is free, and where its stick leads; None if there is none."""
+    arm = arm_of(draw.name)
+    maker: Any = DualArmShield if draw.name == PAIR else Shield
+    how: Found = {"limits": draw.limits, "on_blocked": on_blocked}
     for _ in range(50):
-        q = home + rng.uniform(-0.3, 0.3, arm.n)
-        obstacles, target = scene(rng, into, arm, q)
+        q = arm.home + draw.rng.uniform(-0.3, 0.3, arm.n)
+        obstacles, target = scene(draw.rng, draw.into, arm, q)
         try:
-            shield = maker(arm, period, settings, start=q, obstacles=obstacles, **how)
+            shield = maker(arm, draw.period, settings, start=q, obstacles=obstacles, **how)
         except InvalidInputError:
             continue
-        break
-    else:
+        return shield, target
+    return None
+
+
+def episode(seed: int, *, meshes: tuple[str, ...] = (), compiled: bool = True) -> Found:
+    """Return what an episode comes to."""
+    draw = draw_of(seed)
+    found = about(draw)
+    alarm: list[Any] = []
+    settings = ShieldSettings(compiled=compiled, blocked_after=AT_ONCE)
+    made = placed(draw, settings, lambda *status: alarm.append(status))
+    if made is None:
         return found | {"refused": True}
-    side = Side.of(shield, moves, alarm)
-    found |= judged(side, kind, target, speed, held)
+    shield, target = made
+    side = Side.of(shield, draw.moves, alarm)
+    found |= judged(side, draw, target)
     motion = found.pop("motion")
     if meshes:
         try:
-            found["meshes"] = _recount(name, meshes, obstacles).least(motion)[0]
+            found["meshes"] = _recount(draw.name, meshes, shield.obstacles).least(motion)[0]
         except SystemExit as error:
             found["no meshes"] = str(error)
     return found
 
 
-def judged(side: Side, kind: str, target: Array, speed: float, held: float | None) -> Found:
-    """Return how a shield does in an episode."""
+def judged(side: Side, draw: Draw, target: Array, least: Any = None) -> Found:
+    """Return how a shield does in an episode.
+
+    Args:
+        side: The arm.
+        draw: What the episode is of.
+        target: The point that the stick is held towards, shape (3,) [m].
+        least: Returns the least distance of a motion [m], by default between samples as well.
+    """
+    kind, speed, held = draw.kind, draw.speed, draw.held
     shield, limits = side.shield, side.shield.limits
     clearance, _ = arm_clearance(shield.arm, make_obstacles(shield.obstacles), shield.position)
     stick = Stick(side, kind, target, speed)
@@ -251,7 +309,7 @@ def judged(side: Side, kind: str, target: Array, speed: float, held: float | Non
         "beyond": _beyond(np.array(v), limits, period),
         "outside": float(limits.violation(motion).max()),
         "uncertified": shield.uncertified,
-        "distance": _least(clearance, motion),
+        "distance": (least or _least)(clearance, motion),
         "ended": ended,
         "held": end * period,
         "moved": float(np.abs(motion[end + round(LEFT / period)] - motion[end]).max()),
@@ -436,7 +494,7 @@ def _recount(name: str, folders: tuple[str, ...], obstacles: list[dict[str, Any]
     return Recount(_meshes_of(name, folders), tuple(solids))
 
 
-def _leaves(found: Found) -> bool:
+def is_left(found: Found) -> bool:
     """Return whether an arm leaves as its stick is moved back."""
     return bool(min(found["moved"], found["left"]) >= LEAVES)
 
@@ -461,14 +519,14 @@ def print_table(rows: list[Found]) -> None:
             len(group) - len(rest),
             f"{sum(r['speed'] < REST for r in rest)} of {len(rest)}",
             f"{sum(r['told'] for r in rest)} of {len(rest)}",
-            f"{sum(_leaves(r) for r in group)} of {len(group)}",
+            f"{sum(is_left(r) for r in group)} of {len(group)}",
         )
         row(into, *cells)
     print_distances(rows)
     fails = Counter(
         (r["arm"], r["kind"], r["into"], r["period"])
         for r in rows
-        if not _leaves(r) or ("slides" not in r and not (r["told"] and r["speed"] < REST))
+        if not is_left(r) or ("slides" not in r and not (r["told"] and r["speed"] < REST))
     )
     for key, count in fails.most_common(20):
         print(*key, count)

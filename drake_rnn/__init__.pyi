@@ -49,6 +49,7 @@ from .errors import (
     InvalidInputError as InvalidInputError,
     RobotError as RobotError,
     SimulationError as SimulationError,
+    UnprotectedWarning as UnprotectedWarning,
 )
 from .experiment import (
     Experiment as Experiment,

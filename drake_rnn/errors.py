@@ -5,12 +5,14 @@ Catching `DrakeRnnError` catches all exceptions.
 
 from __future__ import annotations
 
+import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Any, TypeVar
 
 F = TypeVar("F", bound=Callable[..., Any])
+_PACKAGE = __name__.partition(".")[0]
 
 
 class DrakeRnnError(Exception):
@@ -46,6 +48,24 @@ class InterruptedRunError(SimulationError):
 
 class RobotError(DrakeRnnError, RuntimeError):
     """A robot that cannot be driven as it was found; nothing was commanded."""
+
+
+class UnprotectedWarning(UserWarning):
+    """What commands are not kept from: bodies without shapes, pairs that touch at home, bounds."""
+
+
+def warn_unprotected(doubts: Sequence[str]) -> None:
+    """Warn of what commands are not kept from, once, at the call from outside of this package.
+
+    Args:
+        doubts: What that is, in sentences; nothing is said without any.
+    """
+    if not doubts:
+        return
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith(_PACKAGE):
+        level, frame = level + 1, frame.f_back
+    warnings.warn("; ".join(doubts), UnprotectedWarning, stacklevel=level)
 
 
 class OldName:

@@ -16,7 +16,6 @@ from typing import Any, TypeVar
 import typer
 from rich.markup import escape
 
-from ..arrays.algebra import require_jax
 from ..errors import InterruptedRunError, InvalidInputError
 from ..experiment import Experiment, load_experiment, read_document
 from ..figures import drawn_for
@@ -25,6 +24,7 @@ from ..figures.comparison import comparison_figure
 from ..inputs.documents import to_yaml
 from ..inputs.files import is_file
 from ..inputs.messages import drawn_of
+from ..inputs.packages import import_extra
 from ..jobs.campaign import write_csv
 from ..jobs.plan import StatisticsSettings
 from ..jobs.requests import Row, RunRecord, RunRequest
@@ -336,8 +336,11 @@ def _cell(metric: str, value: float | None, verdict: Verdict | None) -> Cell | s
     """Return a value with its bound, without rounding errors; an empty text without either."""
     if value is None and verdict is None:
         return ""
-    numbers, form = ((), "not reached") if value is None else ((value,), "{}")
-    if value is not None and is_noise(metric, value, None if verdict is None else verdict.bound):
+    bound = None if verdict is None else verdict.bound
+    text = value_text(metric, value, bound)
+    # As a run prints it: a value that was not reached, or a violation that is none.
+    numbers, form = ((), text) if value is None or text == "none" else ((value,), "{}")
+    if numbers and is_noise(metric, numbers[0], bound):
         numbers = (0.0,)
     if verdict is None:
         return Cell(numbers, form)
@@ -347,7 +350,7 @@ def _cell(metric: str, value: float | None, verdict: Verdict | None) -> Cell | s
 def tune_gains(args: Tune) -> None:
     """Tune gains of a law, and write the document with them."""
     with silence(args.quiet), errors(), ExitStack() as claims:
-        require_jax()
+        import_extra("tune", "jax", "jax")
         keys = [key.strip() for text in args.numbers for key in text.split(",")]
         bounds = _bounds(args.between)
         changes = changes_of(args.changes, args.seed)

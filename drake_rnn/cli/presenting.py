@@ -325,7 +325,8 @@ def show_claims(args: ShowClaims) -> None:
                 continue
             judging = Judge(paper, runs)
             for claim in claims:
-                judgement = judging.judge(claim)
+                with status(f"{claim.id}: judging"):
+                    judgement = judging.judge(claim)
                 print_table(judgement_table(paper, judgement))
                 sheet = judgements_sheet([judgement])
                 lines += sheet.rows

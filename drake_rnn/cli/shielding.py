@@ -18,7 +18,7 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, UnprotectedWarning
 from ..experiment import Experiment, make_experiment, read_document
 from ..experiment.components import Arms
 from ..experiment.files import set_key
@@ -114,6 +114,12 @@ class _Stream:
 
 def shield(args: Shield) -> None:
     """Run the stream behind a guard, and print what would have stopped the robot."""
+    with catch_warnings(action="ignore", category=UnprotectedWarning):
+        # Warnings of the experiment tell it.
+        _shield(args)
+
+
+def _shield(args: Shield) -> None:
     if args.file is None:
         _drag(args)
         return

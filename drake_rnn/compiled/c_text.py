@@ -32,6 +32,8 @@ _COSTS = {
 }
 # Branches that save less are choices between numbers.
 _LEAST = 24
+# Rounds of loops that cost less are made whatever comes of them, two or more at once.
+_LEAST_ROUND = 60
 # Longer expressions get a name.
 _LONGEST = 88
 
@@ -234,9 +236,10 @@ def body_of(inputs: Mapping[str, str], outputs: Sequence[tuple[str, Node]]) -> B
     lines = printer.scope(_top(node for _, node in outputs), ends.roots)
     finish = ends.lines(printer)
     reads = [f"const double {name} = {inputs[name]};" for name in inputs if name in printer.leaves]
-    tables = [f"{each}\n" for each in printer.tables()]
+    lines = [*reads, *printer.shared([*lines, *finish])]
+    tables = [f"{each}\n" for each in printer.tables(lines)]
     functions = [text for name, text in _HELPERS.items() if name in printer.helpers]
-    blocks, lines = without_recurring_blocks([*reads, *printer.shared([*lines, *finish])])
+    blocks, lines = without_recurring_blocks(lines)
     return Body(
         lines,
         "\n".join([*tables, *functions, *blocks]),
@@ -522,21 +525,63 @@ class _Printer:
     def _nest(self, sweep: Sweep, depth: int) -> list[str]:
         """Return a loop of a sweep, with those in it."""
         self._rounds *= sweep.lengths[depth]
-        scope, is_last = sweep.scopes[depth], depth == len(sweep.lengths) - 1
-        roots = [each for store in sweep.live for each in (store.index, store.value)]
-        if not is_last:
-            inner = sweep.scopes[depth + 1]
-            roots = [node for node in _below(roots, inner) if node.scope is scope]
-        lines = self.scope(scope, roots, branches=False)
-        if is_last:
-            for store in sweep.live:
-                place = self.place_of((store.memory, store.block), 0, self.text_of(store.index))
-                lines.append(f"{place} = {self.text_of(store.value)};")
-        else:
-            lines += self._nest(sweep, depth + 1)
-        name = self._texts[sweep.indices[depth]]
+        scope, name = sweep.scopes[depth], self._texts[sweep.indices[depth]]
         head = f"for (int {name} = 0; {name} < {sweep.lengths[depth]}; ++{name}) {{"
+        roots = [each for store in sweep.live for each in (store.index, store.value)]
+        if depth < len(sweep.lengths) - 1:
+            roots = [node for node in _below(roots, sweep.scopes[depth + 1]) if node.scope is scope]
+            lines = self.scope(scope, roots, branches=False) + self._nest(sweep, depth + 1)
+        elif (condition := self._shared_condition(sweep, scope)) is not None:
+            return self._sparse_rounds(sweep, scope, head, condition)
+        else:
+            lines = self.scope(scope, roots, branches=False)
+            lines += self._stores(sweep, [store.value for store in sweep.live])
         return [head, *("    " + line for line in lines), "}"]
+
+    def _sparse_rounds(self, sweep: Sweep, scope: Scope, head: str, condition: Node) -> list[str]:
+        """Return the innermost loop of a sweep as two, the second one for some rounds alone.
+
+        The first one writes constants, many at once; in branches of one loop that takes longer.
+        """
+        indices = [store.index for store in sweep.live]
+        _, values, constants = zip(*(store.value.args for store in sweep.live), strict=True)
+        first = self.scope(scope, indices, branches=False)
+        lines = [*first, *self.scope(scope, [condition], branches=False)]
+        inner = self.scope(scope, values, branches=False) + self._stores(sweep, values)
+        first += self._stores(sweep, constants)
+        return [
+            head,
+            *("    " + line for line in first),
+            "}",
+            head,
+            *("    " + line for line in lines),
+            f"    if ({self.text_of(condition)}) {{",
+            *("        " + line for line in inner),
+            "    }",
+            "}",
+        ]
+
+    def _shared_condition(self, sweep: Sweep, scope: Scope) -> Node | None:
+        """Return the condition without which a round writes constants alone, if one is worth it."""
+        values = [store.value for store in sweep.live]
+        if any(value.op != "select" or value.args[2].op != "constant" for value in values):
+            return None
+        if any(store.start is not None for store in sweep.live):
+            # Rounds go on from what others have written.
+            return None
+        condition = values[0].args[0]
+        if condition.scope is not scope or any(v.args[0] is not condition for v in values):
+            return None
+        cost = sum(_COSTS.get(node.op, 1) for node in _reachable(scope, values, self._texts))
+        return condition if cost >= _LEAST_ROUND else None
+
+    def _stores(self, sweep: Sweep, values: Sequence[Node]) -> list[str]:
+        """Return the statements that write what a round of a sweep gives."""
+        lines = []
+        for store, value in zip(sweep.live, values, strict=True):
+            place = self.place_of((store.memory, store.block), 0, self.text_of(store.index))
+            lines.append(f"{place} = {self.text_of(value)};")
+        return lines
 
     def _put(self, node: Node) -> list[str]:
         """Return the statements that write expressions to memory."""
@@ -575,6 +620,8 @@ class _Printer:
         return [k for k in range(memory.blocks) if None in blocks or k in blocks]
 
     def _name(self, memory: Memory, part: int | None) -> str:
+        if memory.values is not None:
+            return f"t{self._numbers[memory]}"
         name = f"m{self._numbers[memory]}"
         return name if part is None or memory.blocks == 1 else f"{name}_{part}"
 
@@ -623,15 +670,18 @@ class _Printer:
         renamed = [_NAME.sub(lambda found: names.get(found[0], found[0]), line) for line in lines]
         return [*declarations, *pointers, *renamed]
 
-    def tables(self) -> list[str]:
-        """Return the tables of constants."""
-        texts = []
+    def tables(self, lines: Iterable[str]) -> list[str]:
+        """Return the tables of constants that statements read."""
+        texts, used = [], {name for line in lines for name in _TABLE.findall(line)}
         for memory, number in self._numbers.items():
-            if memory.values is not None:
+            if memory.values is not None and f"t{number}" in used:
                 kind = "double" if memory.kind == "double" else "int"
-                values = [_number(value, memory.kind == "double") for value in memory.values]
+                # Blocks of zeros are one, unless an index leads through all.
+                size = memory.size * (memory.blocks if memory.is_joined else 1)
+                values = [_number(value, memory.kind == "double") for value in memory.values[:size]]
+                values = ["0"] if {*values} <= {"0", "0.0"} else values
                 text = textwrap.fill(", ".join(values), 88, break_on_hyphens=False)
-                head = f"static const {kind} t{number}[{len(values)}] = {{"
+                head = f"static const {kind} t{number}[{size}] = {{"
                 texts.append(f"{head}\n{text}\n}};")
         return texts
 
@@ -893,7 +943,7 @@ class _Plan:
         return heavy
 
 
-_NAME = re.compile(r"\bm\d+(?:_\d+)?\b")
+_NAME, _TABLE = re.compile(r"\bm\d+(?:_\d+)?\b"), re.compile(r"\bt\d+\b")
 
 
 # A statement that sets which array a name stands for.

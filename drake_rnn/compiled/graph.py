@@ -350,6 +350,9 @@ class _Reads:
             self.blocks[node.detail] = None
         for step, memory, block in _reads(node):
             self._read(step, memory, block)
+        if node.op == "choose":
+            # Nothing writes a table.
+            self.blocks |= {(each, None): None for each in node.detail[1] if each.values}
         if node.op == "loop":
             loop: Loop = node.detail
             self._stack += [loop.condition, *loop.roots]

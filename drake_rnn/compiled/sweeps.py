@@ -25,6 +25,9 @@ SHORT = 9
 #: Arrays of more entries are large, if they have a longer axis.
 _LARGE = 64
 
+# Constants whose bits are all 0.
+_ZEROS = ("0.0", "0", "False")
+
 # What a sweep evaluates again, instead of reading what another one has written: up to so many
 # additions for each entry.
 _CHEAP = 12
@@ -546,6 +549,8 @@ class Arrays:
         """Return an array in blocks of lanes in memory, where it lies if it lies there so."""
         if isinstance(value, Lanes):
             return self.view(value)
+        if not isinstance(value, View) and (zeros := self._zeros(value)) is not None:
+            return zeros
         if isinstance(value, View):
             memory, shape = value.content.memory, value.shape
             lies = memory.values is None and memory.leaves is None
@@ -556,6 +561,19 @@ class Arrays:
             if lies and fits and np.array_equal(value.positions, planar(shape)):
                 return value
         return self.own(value)
+
+    def _zeros(self, value: Any) -> View | None:
+        """Return an array in blocks of a table, which nothing is written to, if it is of zeros."""
+        zero = value.flat[0]
+        if repr(zero.detail) not in _ZEROS or any(node is not zero for node in value.flat):
+            return None
+        shape = tuple(value.shape)
+        size, blocks = prod(lane_shape(shape)), prod(short_shape(shape))
+        key = ("zeros", zero.kind, size, blocks)
+        if key not in self._tables:
+            values = (zero.detail,) * (size * blocks)
+            self._tables[key] = Content(Memory(zero.kind, size, blocks, values=values), ())
+        return View(self._tables[key], planar(shape))
 
     # Moves.
 

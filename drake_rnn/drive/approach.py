@@ -25,7 +25,7 @@ from ..inputs.fields import Array, checked, instance, number
 from ..laws.law import SampledReading, Signals
 from ..measures import Steps
 from ..robot.clearance import Clearance
-from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.arm_clearance import clearance_of
 from ..robot.jerk_stop import HeldStop
 from ..robot.joint_stop import stop_step
 from ..robot.limits import JointLimits
@@ -427,7 +427,7 @@ class Approach:
     ) -> None:
         clearance, self.doubts = task.clearance, tuple[str, ...]()
         if clearance is None:
-            clearance, self.doubts = arm_clearance(task.body.arm, (), task.start)
+            clearance, self.doubts = clearance_of(task.body.arm, (), task.start)
         self.limits = _slow(task.limits, settings)
         # Obstacles begin to move with the task.
         self._p_WO = np.zeros((len(clearance.solids.moving), 3))

@@ -32,7 +32,7 @@ from ..laws import LAWS, Avoidance, Law, PostureLaw, Safety
 from ..paths import JointTargets, Path, Rest, TargetPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
-from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.arm_clearance import clearance_of
 from ..robot.clearance.model_obstacle import all_obstacles
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint
@@ -289,7 +289,7 @@ def _clearance(
 
     def made() -> tuple[Clearance, tuple[str, ...]]:
         pressed_names, unseen = pressed_solids(contact, arm, start)
-        clearance, doubts = arm_clearance(arm, obstacles, posture, pressed_names)
+        clearance, doubts = clearance_of(arm, obstacles, posture, pressed_names)
         return clearance, (*doubts, *unseen)
 
     description = [document.arm, posture.tolist(), document.obstacles, contact_place]

@@ -32,7 +32,7 @@ from ..laws.law import Layout, ReadingWrapper, SampledReading, Signals
 from ..robot.arm import Arm
 from ..robot.arm_description import GRIPPER, PayloadDescription
 from ..robot.clearance import Clearance, Flags
-from ..robot.clearance.arm_clearance import arm_clearance, clearance_between
+from ..robot.clearance.arm_clearance import clearance_between, clearance_of
 from ..robot.clearance.obstacles import (
     OBSTACLES,
     Obstacle,
@@ -595,7 +595,7 @@ class PayloadScene:
         return self._free[key]
 
     def _clearance_of(self, arm: Arm, obstacles: Sequence[Obstacle]) -> Clearance:
-        clearance, doubts = arm_clearance(arm, obstacles, self.posture)
+        clearance, doubts = clearance_of(arm, obstacles, self.posture)
         # That fingers close on each other is what they are for.
         self.doubts += [each for each in doubts if each.count(GRIPPER) < 2]
         return clearance

@@ -19,7 +19,7 @@ from ..experiment import EXCESS_RATIO, torque_share_bound
 from ..inputs.fields import Array
 from ..measures import ARRIVAL_TOLERANCE, prefix_unit, superscript
 from ..measures.metric import RATIO_METRICS
-from ..robot.limits import DERIVATIVE_UNITS, JointLimits
+from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.sides import Sides
 from ..runs.limit_use import Signal, derivatives_of_motion
 from ..runs.result import Result
@@ -66,11 +66,6 @@ _APART = 0.07
 def known_bounds(bounds: Array | None) -> Array:
     """Return the distinct values of finite bounds in ascending order; none for None."""
     return np.empty(0) if bounds is None else np.unique(bounds[np.isfinite(bounds)])
-
-
-def known_sides(limits: JointLimits, name: str) -> Sides | None:
-    """Return the bounds of a derivative in both directions; None if it has none."""
-    return None if limits.bounds[name] is None else limits.sides(name)
 
 
 def draw_bounds(ax: Axes, sides: Sides | None, in_view: Array) -> None:
@@ -143,7 +138,7 @@ def plot_velocities(ax: Axes, result: Result) -> None:
     """Plot the joint velocities of the law, as the arm's may be noisy."""
     name = "network_velocity" if "network_velocity" in result.series else "velocity"
     text = "joint velocity, law" if apart(result, "velocity") else "joint velocity"
-    plot_bounded(ax, result, name, known_sides(result.experiment.limits, "velocity"), text)
+    plot_bounded(ax, result, name, result.experiment.limits.known_sides("velocity"), text)
     legend(ax, joint_handles(result.series[name].shape[1]))
 
 
@@ -161,7 +156,7 @@ def plot_acceleration_norm(ax: Axes, result: Result) -> None:
         demand = np.abs(result.series["acceleration_demand"][1:]).max(axis=1)
         ax.plot(time, demand, label="asked for", **PREDICTION)
         curves.append(demand)
-    sides = known_sides(result.experiment.limits, "acceleration")
+    sides = result.experiment.limits.known_sides("acceleration")
     bounds = known_bounds(None if sides is None else np.concatenate(sides))
     # Bounds may differ from joint to joint: the least and the greatest are drawn.
     for k, bound in enumerate(np.unique(bounds[[0, -1]]) if bounds.size else ()):
@@ -380,7 +375,7 @@ def stacked_panels(
     """
     ratios = {} if ratios is None else ratios
     limits = result.experiment.limits
-    bounds = [known_sides(limits, name) for name in DERIVATIVE_UNITS]
+    bounds = [limits.known_sides(name) for name in DERIVATIVE_UNITS]
     units = ["rad", *DERIVATIVE_UNITS.values()]
     n = signals[0][1].shape[1]
     figure = Figure(figsize=(wide(PAGE), 0.6 + 1.3 * len(signals)), layout="constrained")

@@ -29,7 +29,6 @@ from .force_panels import (
     plot_pixel_error,
 )
 from .joint_panels import (
-    known_sides,
     plot_acceleration_norm,
     plot_angles,
     plot_bounded,
@@ -459,7 +458,7 @@ def _law_and_arm(result: Result, quantity: str) -> Figure:
     else:
         names = {quantity: f"joint {quantity}"}
     figure, axes = stack_panels(len(names), sharex=True)
-    sides = known_sides(result.experiment.limits, quantity)
+    sides = result.experiment.limits.known_sides(quantity)
     for ax, (name, text) in zip(axes, names.items(), strict=True):
         plot_bounded(ax, result, name, sides, text)
         if ax is not axes[-1]:

@@ -181,6 +181,8 @@ GainOrZero = Annotated[NonNegative, between(0.0, 1e9)]
 Weight = Annotated[Positive, between(0.0, 1e6)]
 # Of a motion, from a microsecond to eleven days [s].
 Time = Annotated[Positive, between(1e-6, 1e6)]
+# Of what a loop of a robot waits for [s]: neither less than its period nor longer than an hour.
+Wait = Annotated[Positive, between(1e-4, 3600.0)]
 # Of a network [s].
 TimeConstant = Annotated[Positive, between(1e-9, 1e3)]
 # Of an end effector; the fastest robots reach 15 [m/s].
@@ -345,8 +347,13 @@ def optional(check: Check) -> Check:
     return check_given
 
 
-def number(least: float = -np.inf, *, above: float = -np.inf) -> Check:
-    """Return a check that a value is a finite number of at least ``least`` and above ``above``."""
+def is_name(text: str) -> bool:
+    """Return whether a text may name something: it is not blank, and can be printed in a line."""
+    return bool(text.strip()) and text.isprintable()
+
+
+def number(least: float = -np.inf, *, above: float = -np.inf, most: float = np.inf) -> Check:
+    """Return a check that a value is finite, from ``least`` to ``most`` and above ``above``."""
     bounds = [f" of at least {least:g}"] if least > -np.inf else []
     bounds += [f" above {above:g}"] if above > -np.inf else []
 
@@ -358,6 +365,8 @@ def number(least: float = -np.inf, *, above: float = -np.inf) -> Check:
             raise InvalidInputError(
                 f"{key}: must be a finite number{''.join(bounds)}, not {short(value)}"
             )
+        if value > most:
+            raise InvalidInputError(f"{key}: may be at most {most:g}, not {short(value)}")
 
     return check
 

@@ -20,7 +20,8 @@ from glob import escape
 from hashlib import sha256
 from io import StringIO
 from pathlib import Path
-from tempfile import mkstemp
+from stat import S_ISDIR
+from tempfile import gettempdir, mkstemp
 from typing import Any, BinaryIO, NamedTuple, TypeVar
 from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 
@@ -376,10 +377,31 @@ def page_templates(*folders: Path) -> Any:
 def cache_folder() -> Path:
     """Return this package's folder in the user's cache, which need not exist.
 
-    It is ``$XDG_CACHE_HOME/drake_rnn``, by default ``~/.cache/drake_rnn``.
+    It is ``$XDG_CACHE_HOME/drake_rnn``, by default ``~/.cache/drake_rnn``; for a user without a
+    home a folder among the temporary ones, which is that user's alone.
+
+    Raises:
+        InvalidInputError: If there is no such folder.
     """
     home = os.environ.get("XDG_CACHE_HOME")
-    return (Path(home) if home else Path.home() / ".cache") / "drake_rnn"
+    try:
+        return (Path(home) if home else Path.home() / ".cache") / "drake_rnn"
+    except RuntimeError:
+        return _own_temporary_folder()
+
+
+def _own_temporary_folder() -> Path:
+    """Return a folder into which nobody else writes: libraries of the cache are loaded."""
+    folder = Path(gettempdir()) / f"drake_rnn-{os.getuid()}"
+    with suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+        if S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022:
+            return folder
+    raise InvalidInputError(
+        f"XDG_CACHE_HOME: must be given: this user has no home, and {folder} is not this user's "
+        "alone"
+    )
 
 
 def cached_file(name: str, make: Callable[[], bytes]) -> Path:

@@ -683,7 +683,10 @@ def _homes(base: Mapping[str, Any], arms: Arms) -> Callable[[Mapping[str, Any]],
 
     def home_of(values: Mapping[str, Any]) -> Array:
         contents = read_document(base, values)
-        return arms.of(construct(document_class(contents), contents, "").arm).home
+        arm = arms.of(construct(document_class(contents), contents, "").arm)
+        if arm.home is None:
+            raise InvalidInputError(f"vary.start.about: {arm.name} has no home; give arm.home")
+        return arm.home
 
     return home_of
 
@@ -806,8 +809,8 @@ def row_values(
     """
     axes, groups, distributions = campaign.axes, campaign.groups, campaign.distributions
     start = distributions.get("start")
-    is_about_home = isinstance(start, (Uniform, Normal)) and start.about is not None
-    if is_about_home:
+    about_home = start if isinstance(start, (Uniform, Normal)) and start.about else None
+    if about_home is not None:
         del distributions["start"]
     steps = [
         list(zip(*(axes[key].values_in_order() for key in group), strict=True)) for group in groups
@@ -822,8 +825,9 @@ def row_values(
             selection |= zip(group, values, strict=True)
         for k, sample in enumerate(samples):
             every = selection | sample
-            if is_about_home and home_of is not None:
-                every["start"] = _draw(start.around(home_of(every)), campaign.seed, "start", k)
+            if about_home is not None and home_of is not None:
+                one = about_home.around(home_of(every))
+                every["start"] = _draw(one, campaign.seed, "start", k)
             yield {key: every[key] for key in campaign.vary}
 
 

@@ -33,6 +33,7 @@ from ..inputs.fields import (
     Positive,
     Vector,
     is_vector,
+    number,
     validated,
     with_own_errors,
 )
@@ -423,6 +424,11 @@ def _all(flags: Any) -> Any:
 _TOLERANCE = 0.5
 # The longest pause [s].
 _DAY = 86400.0
+# The shortest and the longest period [s]: no robot takes commands faster; longer ones are no
+# seconds.
+_SHORTEST_PERIOD, _LONGEST_PERIOD = 1e-5, 1.0
+# Time without a measurement of an obstacle after which it is told [s].
+_UNMEASURED = 1.0
 # Samples after which any stop has ended.
 _FOR_EVER = 10**9
 #: What a robot does that gets no command in time: it holds the last one, or stops as certified.
@@ -529,6 +535,23 @@ class LastStep(NamedTuple):
         return pairs[clearance.reaches[pairs, self.block].any(axis=1)]
 
 
+def check_period(key: str, period: object) -> None:
+    """Raise an InvalidInputError unless this is a time between two commands [s]."""
+    number(above=0.0)(key, period)
+    value = float(period)  # type: ignore[arg-type]
+    if value > _LONGEST_PERIOD:
+        hint = f"; {value:g} Hz would be {1.0 / value:g}" if value >= 10.0 else ""
+        raise InvalidInputError(
+            f"{key}: {value:g} s is long; must be the seconds between two commands, neither "
+            f"milliseconds nor a rate{hint}"
+        )
+    if value < _SHORTEST_PERIOD:
+        raise InvalidInputError(
+            f"{key}: {value:g} s is short; must be the seconds between two commands, at least "
+            f"{_SHORTEST_PERIOD:g}"
+        )
+
+
 @with_own_errors
 class StreamGuard:
     """Turns joint targets, whenever they come, into commands within every bound.
@@ -572,6 +595,7 @@ class StreamGuard:
     ) -> None:
         require_type("law", law, JointStream)
         reading = law.sampled(period)
+        check_period("period", period)
         q = law.home if start is None else _finite("start", start, law.home.size)
         if (law.limits.violation(q) > OUTSIDE).any():
             raise InvalidInputError(f"start: {law.limits.complaint(q)}")
@@ -602,8 +626,8 @@ class StreamGuard:
         self._one_before = self._place()
         #: Time that a call takes until its command is sent, if it is to be in time [s].
         self.call_time = 0.0
-        # How often obstacles had jumped when that was told.
-        self._told = np.zeros(self._moving)
+        # How often obstacles had jumped when that was told; for how long each was not measured [s].
+        self._told, self._unmeasured = np.zeros((2, self._moving))
         # Whether calls tell the time, None before the first; that of the last call; and when the
         # next command is due.
         self._is_timed = None if t is None else True
@@ -698,6 +722,8 @@ class StreamGuard:
         self._read(target)
         if self._moving or p_WO is not None:
             self._measure(self.checked_places(p_WO))
+            if self._moving:
+                self._note_unmeasured()
         late = self._late(t, now=False)
         if not self._has_begun or late is None:
             self._begin(self._p_WO[0] if self._moving else np.zeros((0, 3)))
@@ -1174,6 +1200,22 @@ class StreamGuard:
                 due = f"must be {-late - early:g} s later, when the last command begins to hold"
             raise InvalidInputError(f"t: is {elapsed_time:.3g} s after the last call; {due}")
         return max(late, 0.0)
+
+    def _note_unmeasured(self) -> None:
+        """Warn of obstacles that have not been measured for long, or at the first command."""
+        is_unknown = np.isnan(self._p_WO[0][:, 0])
+        self._unmeasured = np.where(is_unknown, self._unmeasured + self.period, 0.0)
+        is_new = self._unmeasured > (_UNMEASURED if self._has_begun else 0.0)
+        if is_new.any():
+            # It is told once each time.
+            self._unmeasured[is_new] = -np.inf
+            names = ", ".join(self.moving_obstacles[k] for k in np.flatnonzero(is_new))
+            since = f"for {_UNMEASURED:g} s" if self._has_begun else "yet"
+            warn(
+                f"p_WO: {names} has not been measured {since}, its place is NaN or missing; it "
+                "may be wherever its speed has let it go, and the arm stands where that is",
+                stacklevel=3,
+            )
 
     def _warn(self) -> None:
         """Warn of obstacles that were measured for the first time where they cannot be."""

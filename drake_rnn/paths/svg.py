@@ -287,12 +287,16 @@ def _part(text: str, end: int, command: str) -> tuple[str, int]:
         raise ValueError(
             f"{command} takes {size} numbers at a time, and has {len(values)} in the end"
         )
-    if kind == "A" and not (values[0] and values[1]):
+    radii = [abs(value) for value in values[:2]]
+    if kind == "A" and min(radii) <= _THIN * max(radii):
         command, values = "L" if command == "A" else "l", values[5:]
     if kind == "A" and len(values) == 7:
+        largest = max(radii)
+        if largest < _SMALL:
+            # Radii that are too small for the ends of an arc are enlarged alike.
+            radii = [radius / largest * _SMALL for radius in radii]
         values = [
-            abs(values[0]),
-            abs(values[1]),
+            *radii,
             values[2] % 360.0,
             *map(int, values[3:5]),
             *values[5:],
@@ -310,6 +314,9 @@ _MOST_FUNCTIONS, _MOST_TEXT, _MOST_SCALE = 100, 5000, 1e15
 # Length of a line, relative to the drawing's, that is none; least extent of a drawing, relative to
 # its distance from the page's origin.
 _NONE = 1e-9
+# Radius or side of a shape that is none, as a share of its largest; radius below which the ends of
+# an arc are no closer [px].
+_THIN, _SMALL = 1e-12, 1e-9
 # Angle of an arc that may be its chord [rad], and its height over that as a share of it.
 _SHORT, _FLAT = 1e-3, 1e-7
 # Size of a page that gives none.
@@ -436,6 +443,8 @@ def _values(svg: Any, shape: Element, size: tuple[float, float]) -> tuple[dict[s
         return {"points": " ".join(map(repr, coordinates))}, len(coordinates) // 2
     keys = [key for key in _SHAPES[shape.tag][1] if shape.get(key, "").strip() != "auto"]
     values = {key: _length(svg, shape, key, size) for key in keys if key in shape.attrib}
+    largest = max((values[key] for key in _SIZES if key in values), default=0.0)
+    values |= {key: 0.0 for key in _SIZES if values.get(key, largest) < _THIN * largest}
     radii = {key: values[key] for key in ("rx", "ry") if key in values}
     if len(radii) == 1:
         values |= dict.fromkeys(("rx", "ry"), *radii.values())
@@ -456,6 +465,8 @@ def _path(svg: Any, shape: Element, place: "_Place", values: dict[str, Any]) -> 
 
 
 def _unread(error: Exception) -> str:
+    if isinstance(error, ArithmeticError):
+        return "cannot be read as SVG: its numbers are too large or too small to compute with"
     return " ".join(f"cannot be read as SVG: {type(error).__name__} {error}".split())
 
 

@@ -46,7 +46,7 @@ from .arm_description import (
     looks_file,
 )
 from .kinematics import ArmKinematics, PairKinematics, joints_to, nearest_frame
-from .limits import FIELD_UNITS, JointLimits
+from .limits import FIELD_UNITS, MOST, JointLimits
 from .limits_file import (
     LimitsFile,
     Srdf,
@@ -1151,13 +1151,17 @@ class Arm:
 
     def _stated_limits(self, plant: MultibodyPlant) -> JointLimits:
         joints = [plant.GetJointByName(name) for name in self.joints]
+        velocity = np.array([joint.velocity_upper_limits()[0] for joint in joints])
         acceleration = np.array([joint.acceleration_upper_limits()[0] for joint in joints])
+        # Models write such numbers for no bound.
+        velocity[velocity > MOST["velocity"]] = np.inf
+        acceleration[acceleration > MOST["acceleration"]] = np.inf
         return construct(
             JointLimits,
             {
                 "position_lower": np.array([joint.position_lower_limits()[0] for joint in joints]),
                 "position_upper": np.array([joint.position_upper_limits()[0] for joint in joints]),
-                "velocity": np.array([joint.velocity_upper_limits()[0] for joint in joints]),
+                "velocity": velocity,
                 "acceleration": acceleration if np.isfinite(acceleration).any() else None,
             },
             "arm.model",

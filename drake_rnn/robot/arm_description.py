@@ -61,6 +61,7 @@ from ..inputs.fields import (
     Seed,
     Vector,
     between,
+    is_name,
     validated,
     zeros,
 )
@@ -187,7 +188,7 @@ class ToolDescription:
         if self.mesh_resolution is not None:
             require_coarse("mesh_resolution", self.mesh_resolution, self.ball)
         for key, name in (("name", self.name), ("tip", self.tip)):
-            if not name.strip():
+            if not is_name(name):
                 raise ValueError(f"{key}: must be a name, not {name!r}")
         if self.name == self.tip:
             raise ValueError(f"tip: must differ from name, which is {self.name!r} as well")
@@ -454,7 +455,7 @@ class PayloadDescription:
     def __post_init__(self) -> None:
         if not self.shapes:
             raise ValueError("shapes: must have at least one shape")
-        if not self.name.strip():
+        if not is_name(self.name):
             raise ValueError(f"name: must be a name, not {self.name!r}")
 
     def add_to(self, plant: MultibodyPlant, instance: ModelInstanceIndex, frame: Frame) -> None:
@@ -574,7 +575,7 @@ class BaseDescription:
     )
 
     def __post_init__(self) -> None:
-        if not self.name.strip():
+        if not is_name(self.name):
             raise ValueError(f"name: must be a name, not {self.name!r}")
         if self.model is not None and self.model not in shipped_bases():
             raise ValueError(

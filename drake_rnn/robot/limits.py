@@ -45,6 +45,8 @@ OUTSIDE = 0.2
 
 # Of any derivative, in its unit: what is slower than a micrometre a second does not move.
 _LEAST = 1e-6
+#: Largest finite bounds of the derivatives: what is larger bounds nothing, and is a slip.
+MOST = {"velocity": 1e6, "acceleration": 1e9, "jerk": 1e12, "snap": 1e15, "crackle": 1e18}
 
 #: Fields of bounds downwards by the name of the bound upwards, which is mirrored without them.
 LOWER = {"velocity": "velocity_lower", "acceleration": "acceleration_lower"}
@@ -65,6 +67,16 @@ FIELD_UNITS = {
 #: All limits by name and their units; ``position`` stands for its lower and its upper limit, and
 #: ``envelope`` for that of the velocity by the position.
 LIMIT_UNITS = {"position": "rad", **DERIVATIVE_UNITS, "envelope": "rad/s"}
+
+
+def _check_most(name: str, bound: Array, most: float) -> None:
+    """Raise a ValueError if bounds are finite and of larger magnitude than these."""
+    size = np.abs(bound)
+    if (np.isfinite(size) & (size > most)).any():
+        raise ValueError(
+            f"{name}: may be of magnitude {most:g}, or infinite where there is no bound, not "
+            f"{bound.tolist()}"
+        )
 
 
 @validated
@@ -164,11 +176,14 @@ class JointLimits:
                 raise ValueError(
                     f"{lower_name}: must be negative, at most {-_LEAST:g}, not {bound.tolist()}"
                 )
+            if bound is not None:
+                _check_most(lower_name, bound, MOST[name])
         for name, bound in bounds_given.items():
             if not (bound > 0).all():
                 raise ValueError(f"{name}: must be positive, not {bound.tolist()}")
             if not (bound >= _LEAST).all():
                 raise ValueError(f"{name}: must be at least {_LEAST:g}, not {bound.tolist()}")
+            _check_most(name, bound, MOST.get(name, np.inf))
 
     def _check_envelope(self, offset: Array | None) -> None:
         """Raise a ValueError unless an envelope is known as a whole and leaves some positions."""
@@ -242,6 +257,10 @@ class JointLimits:
         lower = self.bounds[LOWER[name]] if name in LOWER else None
         return Sides(up, up) if lower is None else Sides(-lower, up)
 
+    def known_sides(self, name: str) -> Sides | None:
+        """Return the same as `sides`; None if the limit is not known."""
+        return None if self.bounds[name] is None else self.sides(name)
+
     def has_sides(self, name: str) -> bool:
         """Return whether a derivative has another bound downwards than upwards."""
         return name in LOWER and self.bounds[LOWER[name]] is not None
@@ -253,10 +272,8 @@ class JointLimits:
             name: Its name.
             values: Its values, shape (..., n).
         """
-        if self.bounds[name] is None:
-            return None
-        bound: Array = self.sides(name).toward(values > 0.0)
-        return bound
+        sides = self.known_sides(name)
+        return None if sides is None else np.asarray(sides.toward(values > 0.0))
 
     def require_one_bound(self, what: str) -> None:
         """Raise an InvalidInputError if bounds of the two directions differ.

@@ -24,7 +24,7 @@ from ..inputs.messages import metres_hint, nearest, plural, require_type
 from ..models import MODELS
 from .arm import MODEL_SUFFIXES, Arm, named_arm
 from .arm import shipped_arms as shipped_arms
-from .clearance.arm_clearance import arm_clearance
+from .clearance.arm_clearance import clearance_of
 from .kinematics import joints_to
 from .limits import JointLimits
 from .limits_file import read_limits
@@ -351,7 +351,7 @@ def _model_doubts(arm: Arm, inertia: tuple[float, float], reach: float) -> list[
 def _shape_doubts(arm: Arm, home: Array) -> list[str]:
     """Return what of the arm cannot be kept clear of obstacles and of the arm itself."""
     try:
-        return list(arm_clearance(arm, (), home)[1])
+        return list(clearance_of(arm, (), home)[1])
     except InvalidInputError as error:
         return [str(error)]
 

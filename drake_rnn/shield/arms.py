@@ -18,23 +18,24 @@ from numpy.typing import NDArray
 from ..compiled.builds import Steps
 from ..drive.call_times import CallTimes
 from ..drive.own_process import Send, check_process
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, warn_unprotected
 from ..inputs.fields import (
     Array,
     checked,
     each,
     instance,
+    is_name,
     is_vector,
     optional,
     vector,
     with_own_errors,
 )
 from ..inputs.messages import nearest, require_type, short
-from ..laws.guard import LastStep, StreamGuard
+from ..laws.guard import LastStep, StreamGuard, check_period
 from ..laws.guard_command import GuardCommand
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
-from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.arm_clearance import clearance_of
 from ..robot.clearance.capsules import Displacements
 from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits
@@ -48,13 +49,12 @@ from .shield import (
     ShieldSettings,
     ShieldStatus,
     check_function,
-    check_period,
     checked_motion,
+    doubts_of,
     law_of,
     law_within,
     lookahead_of,
     require_limits_of,
-    warnings_of,
 )
 
 # How readily an arm leaves what it wants where bodies come near each other, if another one gives
@@ -136,8 +136,9 @@ class DualArmShield(CommandsOfProcess):
         self.obstacles = list(obstacles)
         solids = make_obstacles(self.obstacles)
         self.clearance: Clearance
-        self.clearance, self.warnings = arm_clearance(arm, solids, home)
-        self.warnings += warnings_of(limits, arm)
+        self.clearance, self.warnings = clearance_of(arm, solids, home)
+        self.warnings += doubts_of(limits, arm)
+        warn_unprotected(self.warnings)
         blocks = slice(0, arm.begins[1]), slice(arm.begins[1], arm.n)
         self.lookahead = max(
             lookahead_of(settings.lookahead, limits.select(range(arm.n)[block]), period)
@@ -463,7 +464,7 @@ def _shape_of(targets: object, values: Array) -> str:
 def checked_names(names: object) -> tuple[str, str]:
     """Return the names of two arms, checked."""
     every = list(names) if isinstance(names, (list, tuple)) else []
-    if len(every) != 2 or not all(isinstance(name, str) and name.strip() for name in every):
+    if len(every) != 2 or not all(isinstance(name, str) and is_name(name) for name in every):
         raise InvalidInputError(
             f"names: must be two names, of the first arm and of the second, not {short(names)}"
         )

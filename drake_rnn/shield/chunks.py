@@ -67,13 +67,15 @@ class Chunk(NamedTuple):
     values: Array
 
     def at(self, t: Array) -> Array:
-        """Return the targets at times, shape (k, n); before the first and after the last those.
+        """Return the targets at times, shape (..., n); before the first and after the last those.
 
-        Of a single time, shape (n,).
+        Args:
+            t: The times, shape (...) [s].
         """
         times, values = self.times, self.values
         if len(times) == 1:
-            return values[0] if np.ndim(t) == 0 else values.repeat(np.size(t), axis=0)
+            shape = np.shape(t)
+            return np.broadcast_to(values[0], (*shape, values.shape[1])) if shape else values[0]
         k = times[1:-1].searchsorted(t, side="right")
         begin = times[k]
         # Of a way that waits, times may come to be the same.

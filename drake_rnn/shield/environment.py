@@ -50,7 +50,7 @@ class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
         InvalidInputError: If the package is not installed, or an argument is not as described.
     """
 
-    @checked(interval=number(above=0.0), wait=number(0.0), behind=number(0.0))
+    @checked(interval=number(above=0.0, most=60.0), wait=number(0.0, most=60.0), behind=number(0.0))
     def __init__(
         self,
         env: Any,

@@ -15,7 +15,7 @@ from warnings import warn
 
 import numpy as np
 
-from ..inputs.fields import Array, Positive, validated
+from ..inputs.fields import Array, Positive, Speed, Wait, between, validated
 from ..inputs.keys import Meaning
 from .chunks import Chunk, Counts
 from .report import DroppedPose
@@ -44,15 +44,15 @@ class PoseFilter:
     """Which measured poses are followed."""
 
     speed: Annotated[
-        Positive,
+        Speed,
         Meaning("Speed from the last pose above which one is an outlier.", unit="m/s"),
     ] = 2.0
     turn_speed: Annotated[
-        Positive,
+        Annotated[Positive, between(1e-3, 100.0)],
         Meaning("Angular velocity above which it is one.", unit="rad/s"),
     ] = 10.0
     believed_after: Annotated[
-        Positive,
+        Wait,
         Meaning(
             "Time for which poses, three or more, must agree on another place before it is "
             "followed, and on any place once tracking was lost.",
@@ -60,7 +60,7 @@ class PoseFilter:
         ),
     ] = 0.1
     lost_after: Annotated[
-        Positive,
+        Wait,
         Meaning(
             "Time after the last pose that is believed after which tracking is lost and the arm "
             "comes to rest; more than two periods of the source.",
@@ -68,7 +68,7 @@ class PoseFilter:
         ),
     ] = 0.2
     frozen_after: Annotated[
-        Positive | None,
+        Wait | None,
         Meaning(
             "Time for which poses that come singly may be the same to the last digit; None where "
             "they have no noise.",

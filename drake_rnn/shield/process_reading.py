@@ -24,7 +24,7 @@ from ..drive.own_process import (
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..inputs.messages import require_type
-from ..laws.guard import Bind, LastStep, StreamGuard
+from ..laws.guard import Bind, LastStep, StreamGuard, check_period
 from ..laws.limit_change import LimitChange
 from ..robot.arm import Arm
 from ..robot.clearance.capsules import Displacements
@@ -46,7 +46,7 @@ from .memory import (
 from .pose_filter import STATES
 from .report import Sample, ShieldRecord, record_of
 from .serving import Served, ShieldTask
-from .shield import ShieldSettings, ShieldStatus, StreamShield, check_period
+from .shield import ShieldSettings, ShieldStatus, StreamShield
 
 
 class GuardOfProcess(StreamGuard):

@@ -10,7 +10,7 @@ from collections import deque
 import numpy as np
 
 from ..inputs.fields import Array
-from ..laws.parts.progress import LEAST_GAIN, NO_PROGRESS, Progress, advance, asks_for_nothing
+from ..laws.parts.progress import MEAN, NO_PROGRESS, WELL, advance, asks_for_nothing
 from ..robot.limits import JointLimits
 
 # Way of a tool between two postures that are remembered [m], and how many are; the share of the way
@@ -19,10 +19,10 @@ _SPACING, _POSTURES, _THERE, _LONGEST = 2e-3, 10, 0.2, 1.0
 
 
 class JointProgress:
-    """What each joint gets on along the velocity that is asked of it.
+    """What joints get on together along the velocities that are asked of them.
 
-    One that does not wants less and less, so that it no longer pushes others along what is in its
-    way; one that does has all of its velocity.
+    Those that hardly move as they are asked want less and less if all of them make no progress, so
+    that they no longer push others along what is in their way. The others have all they ask for.
 
     Args:
         limits: Limits of the joints.
@@ -32,17 +32,19 @@ class JointProgress:
 
     def __init__(self, limits: JointLimits, period: float, patience: float) -> None:
         self._period, self._patience = period, patience
-        self._fastest = limits.sides("velocity").largest
-        self._most = None
+        self._velocity = limits.sides("velocity")
+        self._fastest = self._velocity.largest
+        self._most = np.full(limits.size, np.inf)
         if limits.acceleration is not None:
             self._most = limits.sides("acceleration").largest
-        self._joints = [NO_PROGRESS] * limits.size
-        self._asked, self._is_noted = np.zeros(limits.size), False
+        self._progress = NO_PROGRESS
+        self._asked, self._powers = np.zeros(limits.size), np.zeros(limits.size)
+        self._held = np.zeros(limits.size, dtype=bool)
 
-    def clear(self) -> None:
-        """Begin anew."""
-        self._joints = [NO_PROGRESS] * len(self._joints)
-        self._is_noted = False
+    @property
+    def blocked(self) -> float:
+        """Time for which those that hardly move have made no progress [s]."""
+        return float(self._progress.blocked)
 
     def shares(self, asked: Array, v: Array) -> Array:
         """Return the shares of their velocities that joints may want, after a sample, shape (n,).
@@ -51,27 +53,24 @@ class JointProgress:
             asked: Velocities that are asked for, shape (n,) [rad/s].
             v: Those of the joints, likewise.
         """
-        before, self._asked = self._asked, asked
-        if not self._is_noted and (v * asked >= LEAST_GAIN * asked * asked).all():
-            return np.ones(asked.size)
-        turns = asked * before <= 0.0
-        self._joints = [
-            self._advance(k, NO_PROGRESS if turns[k] else joint, asked[k : k + 1], v[k : k + 1])
-            for k, joint in enumerate(self._joints)
-        ]
-        self._is_noted = any(joint.blocked or joint.share < 1.0 for joint in self._joints)
-        return np.array([joint.share for joint in self._joints])
-
-    def _advance(self, k: int, joint: Progress, asked: Array, v: Array) -> Progress:
-        """Return the progress of a joint a sample later, of velocities of shape (1,) [rad/s]."""
-        if asks_for_nothing(asked):
-            return NO_PROGRESS
+        progress, period = self._progress, self._period
+        asked = self._velocity.clip(asked)
+        if not self._asked.any() or is_another_twist(asked, self._asked):
+            progress, self._asked, self._powers = NO_PROGRESS, asked, 0.0 * asked
+        self._powers = self._powers + (v * asked - self._powers) * (period / (MEAN + period))
+        held = self._powers < WELL * asked * asked
+        self._held = held if progress.share == 1.0 else self._held | held
+        held = self._held
 
         def fastest(age: float) -> float:
-            most = np.inf if self._most is None else float(self._most[k]) * age
-            return min(float(self._fastest[k]), most)
+            return float(np.linalg.norm(np.minimum(self._fastest, self._most * age)[held]))
 
-        return advance(joint, asked, v, self._period, self._patience, fastest)
+        if asks_for_nothing(held * asked):
+            self._progress = NO_PROGRESS
+        else:
+            now = held * asked, held * v
+            self._progress = advance(progress, *now, period, self._patience, fastest)
+        return np.where(held, self._progress.share, 1.0)
 
 
 class WayBack:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
+from warnings import catch_warnings
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..drive.call_times import CallTimes
 from ..drive.own_process import CommandWriter, GuardCommand, Send
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, UnprotectedWarning
 from ..inputs.fields import Array
 from ..laws.guard import StreamGuard
 from ..robot.arm import Arm
@@ -322,4 +323,7 @@ class ShieldTask:
     def commander(self, memory: ShieldMemory) -> ShieldCommander:
         """See `Task.commander`."""
         self.arm.memo.update(self.memo)
-        return ShieldCommander(memory, self.make(self.arm, self.period, **self.options))
+        with catch_warnings(action="ignore", category=UnprotectedWarning):
+            # It was told where the process was started.
+            shield = self.make(self.arm, self.period, **self.options)
+        return ShieldCommander(memory, shield)

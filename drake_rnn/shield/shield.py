@@ -32,16 +32,15 @@ from pydantic import Field, StrictBool, StrictInt
 
 from ..compiled.builds import Steps
 from ..drive.call_times import CallTimes
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, warn_unprotected
 from ..inputs.fields import (
     Array,
     NonNegative,
-    Positive,
+    Wait,
     checked,
     each,
     flag,
     instance,
-    number,
     optional,
     validated,
     vector,
@@ -50,10 +49,10 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning
 from ..inputs.messages import is_number, replace_unchecked, require_type, short
 from ..laws import JointStream
-from ..laws.guard import LastStep, Late, StreamGuard
+from ..laws.guard import LastStep, Late, StreamGuard, check_period
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
-from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.arm_clearance import clearance_of
 from ..robot.clearance.capsules import Displacements
 from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint, require_resting
@@ -94,8 +93,6 @@ _BEHIND, _HALT = 0.02, 0.1
 # An arm whose joints stay this near to a posture does not get on [rad]; one that is behind by more
 # than that wants to [rad].
 _STANDS, _WANTS = 0.03, 0.02
-# Share of a velocity that is asked for below which an arm does not get on.
-_ADVANCES = 0.1
 # A tool has arrived that is turned off its pose by less than the first of these, joints that are
 # nearer to their positions than the second [rad], if they are slower than the third [rad/s].
 _AT_TURN, _AT_JOINTS, _SETTLED = 5e-3, 2e-3, 1e-3
@@ -105,8 +102,8 @@ _JUMP = 0.5
 _WAYS = 64
 # A quaternion this far from length 1 is told.
 _UNIT = 1e-3
-# A tool does not turn or move faster [rad/s, m/s].
-_SPIN, _SPEED = 50.0, 10.0
+# A tool does not turn or move faster [rad/s, m/s]; a turn a second is never taken for degrees.
+_SPIN, _SPEED, _TURN_RATE = 50.0, 10.0, 6.3
 # What numbers are clipped to before they are squared.
 _HUGE = 1e100
 # Positions nearer to the origin than this may be meant from the tool [m].
@@ -115,8 +112,6 @@ _STEPS = 0.1
 _TURN, _NEAR = 1.0, 0.3
 # Calls of a source and of `command` are no farther apart than this [s].
 _PAUSE = 60.0
-# Periods that are longer are no seconds [s].
-_LONGEST_PERIOD = 1.0
 
 
 class ShieldStatus(NamedTuple):
@@ -160,7 +155,7 @@ class ShieldSettings:
     """How a shield follows its source."""
 
     lookahead: Annotated[
-        Positive | None,
+        Wait | None,
         Meaning(
             "How far ahead on its way the arm is led; by default twice the time in which the jerk "
             "takes the acceleration to its limit, at least 0.05 s.",
@@ -171,16 +166,16 @@ class ShieldSettings:
         Switch,
         Meaning("Rule for the overlap of two chunks."),
     ] = "blend"
-    overlap: Annotated[Positive, Meaning("Length of a blend.", unit="s")] = 0.1
+    overlap: Annotated[Wait, Meaning("Length of a blend.", unit="s")] = 0.1
     timeout: Annotated[
-        Positive,
+        Wait,
         Meaning(
             "Time after the last velocity or twist after which the joints come to rest.",
             unit="s",
         ),
     ] = 0.2
     stale: Annotated[
-        Positive,
+        Wait,
         Meaning(
             "Time since its last target after which a chunk that comes is not followed.",
             unit="s",
@@ -198,7 +193,7 @@ class ShieldSettings:
         ),
     ] = None
     blocked_after: Annotated[
-        Positive,
+        Wait,
         Meaning(
             "Time for which the arm does not get on after which `on_blocked` is called.", unit="s"
         ),
@@ -243,18 +238,6 @@ def check_function(key: str, function: object) -> None:
     if function is not None and not callable(function):
         raise InvalidInputError(
             f"{key}: must be a function that takes a ShieldStatus, not {short(function)}"
-        )
-
-
-def check_period(key: str, period: object) -> None:
-    """Raise an InvalidInputError unless this is a time between two commands [s]."""
-    number(above=0.0)(key, period)
-    value = float(period)  # type: ignore[arg-type]
-    if value > _LONGEST_PERIOD:
-        hint = f"; {value:g} Hz would be {1.0 / value:g}" if value >= 10.0 else ""
-        raise InvalidInputError(
-            f"{key}: {value:g} s is long; must be the seconds between two commands, neither "
-            f"milliseconds nor a rate{hint}"
         )
 
 
@@ -325,8 +308,9 @@ class StreamShield(GuardedCommands):
         self.obstacles = list(obstacles)
         solids = make_obstacles(self.obstacles)
         if collisions or solids:
-            self.clearance, self.warnings = arm_clearance(arm, solids, home)
-        self.warnings += warnings_of(limits, arm)
+            self.clearance, self.warnings = clearance_of(arm, solids, home)
+        self.warnings += doubts_of(limits, arm)
+        warn_unprotected(self.warnings)
         law = law_of(arm, limits, home, self.lookahead, self.clearance)
         self._steps = made_by = Steps(settings.compiled) if steps is None else steps
         self._times = CallTimes("shield", period, lambda: made_by.text)
@@ -723,12 +707,16 @@ class StreamShield(GuardedCommands):
                 f"v: {largest.max():.6g} rad/s is more than ten times a limit of the velocity; "
                 "must be in rad/s, not degrees a second"
             )
-        elif kind == "twists" and (largest[:3].max() > _SPIN or largest[3:].max() > _SPEED):
-            raise InvalidInputError(
-                f"V_WE: {largest[:3].max():.3g} rad/s and {largest[3:].max():.3g} m/s are beyond "
-                f"{_SPIN:g} and {_SPEED:g}; must be an angular velocity [rad/s], not in degrees, "
-                "and then a velocity [m/s], not in millimetres"
-            )
+        elif kind == "twists":
+            # No posture turns the tool faster than all joints together.
+            spin = min(max(float(self._fastest.sum()), _TURN_RATE), _SPIN)
+            if largest[:3].max() > spin or largest[3:].max() > _SPEED:
+                raise InvalidInputError(
+                    f"V_WE: {largest[:3].max():.3g} rad/s and {largest[3:].max():.3g} m/s are "
+                    f"beyond {spin:.3g} and {_SPEED:g}, which no motion of the joints reaches; "
+                    "must be an angular velocity [rad/s], not in degrees, and then a velocity "
+                    "[m/s], not in millimetres"
+                )
         elif kind == "poses" and self.settings.poses is None:
             self._check_poses(rows)
 
@@ -899,7 +887,7 @@ class StreamShield(GuardedCommands):
 
     @cached_property
     def _joint_progress(self) -> JointProgress:
-        return JointProgress(self._next_limits or self.limits, self.period, PATIENCE["velocities"])
+        return JointProgress(self._guard.next_limits, self.period, PATIENCE["velocities"])
 
     @cached_property
     def _tool(self) -> ToolTracking:
@@ -947,18 +935,15 @@ class StreamShield(GuardedCommands):
     def _blocked_for(self, q: Array, longer: float) -> float:
         """Return for how long the arm has not got on [s], which is `longer` if it still does not.
 
-        The tool is blocked if it makes no progress, other arms if they stand.
+        The tool is blocked if it makes no progress, joints if those do not that velocities are
+        asked of, other arms if they stand.
         """
         if self._kind in ("poses", "twists"):
             is_there = self._kind == "poses" and self._is_at_pose(q)
             return 0.0 if is_there or not self._is_led else self._tool.blocked
-        asked, v = self._asked, self.velocity
         if self._kind == "velocities":
-            asked = self.limits.sides("velocity").clip(asked) if asked.size else 0.0 * v
-            gets_on = float(v @ asked) >= _ADVANCES * float(asked @ asked)
-        else:
-            gets_on = self._error < _WANTS
-        if gets_on or np.abs(q - self._stands_at).max() > _STANDS:
+            return self._joint_progress.blocked if self._asked.size else 0.0
+        if self._error < _WANTS or np.abs(q - self._stands_at).max() > _STANDS:
             self._stands_at = q
             return 0.0
         return longer
@@ -1130,16 +1115,14 @@ def law_of(
     )
 
 
-def warnings_of(limits: JointLimits, arm: Arm) -> tuple[str, ...]:
-    """Return what limits of an arm lack, and warn of it; nothing where they have accelerations."""
+def doubts_of(limits: JointLimits, arm: Arm) -> tuple[str, ...]:
+    """Return what limits of an arm lack; nothing where they have accelerations."""
     if limits.acceleration is not None:
         return ()
-    text = (
+    return (
         f"limits: no acceleration is known of {arm.name}, so commanded velocities jump; give "
-        "limits=arm.limits.replace(acceleration=..., jerk=...)"
+        "limits=arm.limits.replace(acceleration=..., jerk=...)",
     )
-    warn(text, stacklevel=4)
-    return (text,)
 
 
 def require_limits_of(arm: Arm, limits: object, home: Array) -> None:

@@ -222,7 +222,7 @@ NOT_CALLED = {
     "SampledLaw", "SampledReading", "Screws", "ShieldStatus", "ShieldView", "Signals",
     "SimulationError",
     "Surface",
-    "TuningOutcome",
+    "TuningOutcome", "UnprotectedWarning",
     "Vector", "require_jax", "shipped_arms", "shipped_experiments",
 }  # fmt: skip
 

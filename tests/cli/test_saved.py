@@ -56,6 +56,9 @@ def test_folders_are_compared(folders, tmp_path):
         assert value_text("position_error_max_m", saved["position_error_max_m"]) in line
     # A law that keeps a limit by construction has its bound beside the figure.
     assert "(≤ 1)" in result.stdout
+    # As a run has it.
+    (line,) = [each for each in result.stdout.splitlines() if "velocity_violation_max" in each]
+    assert line.split()[1:] == ["none", "none"]
 
 
 def test_a_comparison_can_be_read_by_a_script_and_only_planned(folders, tmp_path):

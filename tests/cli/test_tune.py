@@ -60,4 +60,4 @@ def test_what_cannot_be_tuned_is_told_in_a_sentence(tmp_path, arguments, message
 def test_without_jax_it_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "jax", None)
     told = sentence(call("tune", KNOWN, *OVER, "--out", tmp_path))
-    assert told == "compilation: needs jax, which is not installed: pip install 'jax>=0.4.30'"
+    assert told == "tune: needs jax, which is not installed: pip install 'jax>=0.4.30'"

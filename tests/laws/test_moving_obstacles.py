@@ -102,3 +102,20 @@ def test_where_obstacles_are_must_be_told(p_WO):
     _, guard = guarded()
     with pytest.raises(InvalidInputError, match="p_WO: must be of shape"):
         guard.command(HOME, p_WO)
+
+
+def test_an_obstacle_that_is_not_measured_is_told_once_each_time(recwarn):
+    _, guard = guarded()
+    unknown, known = np.full((1, 3), np.nan), np.zeros((1, 3))
+
+    def texts():
+        every = [str(each.message).split(",")[0] for each in recwarn]
+        return [text for text in every if "measured" in text]
+
+    for _ in range(300):
+        guard.command(HOME, unknown)
+    assert texts() == ["p_WO: ball 1 has not been measured yet"]
+    for k in range(600):
+        guard.command(HOME, known if k % 100 == 0 and k < 300 else unknown)
+        assert len(texts()) == 1 or k >= 400
+    assert texts()[1:] == ["p_WO: ball 1 has not been measured for 1 s"]

@@ -43,6 +43,30 @@ def test_a_circle_is_round_through_all_its_transforms(drawing):
     assert len(path.knots(9.0)) == 2
 
 
+@pytest.mark.parametrize("radii", ["1e-3 1e-3", "1e-200 1e-200", "1e-320 1e-320"])
+def test_an_arc_whose_radii_are_too_small_is_a_half_circle_on_its_chord(drawing, radii):
+    inside = f'<path d="M 10 10 A {radii} 0 0 1 10 50 L 10 90"/>'
+    path = Svg(file=drawing(inside), size=0.8, speed=0.1)
+    assert path.length == pytest.approx(0.2 * np.pi + 0.4, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        '<path d="M 10 10 A 1e-320 5 0 0 1 10 50 L 10 90"/>',
+        '<path d="M 10 10 A 5 1e-200 0 0 1 10 50 L 10 90"/>',
+        '<path d="M 10 10 L 10 90"/><ellipse cx="10" cy="10" rx="1e-200" ry="5"/>',
+    ],
+)
+def test_arcs_and_ellipses_with_one_radius_of_nothing_are_lines_or_not_drawn(drawing, inside):
+    assert Svg(file=drawing(inside), size=0.8, speed=0.1).length == pytest.approx(0.8)
+
+
+def test_a_rectangle_with_a_corner_radius_of_nothing_has_corners(drawing):
+    inside = '<rect width="40" height="20" rx="1e-200" ry="3"/>'
+    assert Svg(file=drawing(inside), size=0.4, speed=0.1).length == pytest.approx(1.2)
+
+
 def test_up_on_the_page_is_up_in_the_plane_and_the_size_is_the_larger_side(drawing):
     path = Svg(file=drawing('<path d="M 0 0 L 0 -10 L 40 -10"/>'), size=0.2, period=4.0)
     corner, end = (path.evaluate(t)[0] for t in path.knots(9.0)[1:])

@@ -6,7 +6,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 
-from drake_rnn import InvalidInputError, load_arm, shipped_arms
+from drake_rnn import InvalidInputError, Shield, UnprotectedWarning, load_arm, shipped_arms
 from drake_rnn.robot.clearance import Clearance
 from drake_rnn.robot.clearance.arm_capsules import capsules_of, fitted_capsules, place_capsules
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
@@ -285,8 +285,15 @@ def test_only_bodies_that_may_collide_are_pairs(arm):
 
 def test_capsules_of_an_arm_without_a_file_are_fitted_and_doubts_told(tmp_path):
     arm = load_arm("panda").replace(capsules=None)
-    _, doubts = arm_clearance(arm, [], arm.home)
-    (doubt,) = doubts
+    limits = arm.limits.replace(acceleration=5.0, jerk=100.0)
+    # Once for each, where it was made.
+    with pytest.warns(UnprotectedWarning) as told:
+        _, (doubt,) = arm_clearance(arm, [], arm.home)
+    assert [(str(each.message), each.filename) for each in told] == [(doubt, __file__)]
+    with pytest.warns(UnprotectedWarning) as told:
+        shield = Shield(arm, 0.01, limits=limits)
+    assert shield.warnings == (doubt,)
+    assert [(str(each.message), each.filename) for each in told] == [(doubt, __file__)]
     assert doubt.startswith(
         "obstacles: panda_link5 and panda_link7 are not kept apart from each oth"
     )

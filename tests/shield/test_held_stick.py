@@ -70,6 +70,66 @@ def test_an_arm_rests_before_a_ball_and_goes_on_once_that_has_gone(kind):
     assert after > before + 0.02
 
 
+def test_a_stick_moved_back_leaves_by_the_way_it_came():
+    """What the arm strayed while it was held up led it back: the tool stayed, or went further."""
+    arm, way = load_arm("ur5", tool=None), np.array([-0.921, 0.001, 0.391])
+    limits = arm.limits.replace(velocity=1.0, acceleration=5.0, jerk=500.0)
+    start = np.array([0.155, 3.598, 0.518, 0.671, 1.949, 0.141])
+    settings = ShieldSettings(compiled=False)
+    shield = Shield(arm, PERIOD, settings, start=start, limits=limits, collisions=False)
+    along = []
+    for k in range(280):
+        twist = np.append(np.zeros(3), (0.24 if k < 180 else -0.24) * way)
+        shield.follow_twists(twist, t=k * PERIOD)
+        along.append(float(way @ arm.kinematics().p_WE(shield.command(k * PERIOD))))
+        if k == 179:
+            assert shield.status.blocked_for > 0.5
+    assert max(along[:180]) > along[179] + 0.005
+    assert along[-1] < along[179] - 0.08
+
+
+def test_joints_that_get_no_further_rest_and_others_go_on():
+    """The tool was pushed along the table for ever; its last joint may turn there."""
+    below = [*P_HOME[:2], float(P_HOME[2]) - 0.25]
+    table = {"kind": "box", "name": "table", "center": below, "size": [0.3, 1.0, 0.1]}
+    shield = shield_of(acceleration=5.0, jerk=500.0, obstacles=[table])
+    asked = np.array([0.0, 0.32, 0.0, -0.78, 0.0, 0.0, 0.05])
+    for k in range(430):
+        shield.follow_velocities(asked, t=k * PERIOD)
+        shield.command(k * PERIOD)
+    assert np.abs(shield.velocity[:6]).max() < 0.01
+    assert shield.velocity[6] == pytest.approx(0.05, abs=1e-3)
+    status, before = shield.status, shield.position
+    assert status.blocked_for > 0.5
+    assert any("table" in cause for cause in status.limited_by)
+    for k in range(430, 460):
+        shield.follow_velocities(-asked, t=k * PERIOD)
+        shield.command(k * PERIOD)
+    assert (shield.position - before)[1] < -0.02
+    assert (shield.position - before)[3] > 0.1
+
+
+def test_what_is_in_the_way_is_what_would_hold_velocities_back():
+    """Away from a ball nothing holds them back, and towards it as much as is left allows."""
+    center = (P_HOME + np.array([0.0, 0.0, -0.19])).tolist()
+    shield = shield_of(
+        obstacles=[{"kind": "ball", "name": "cup", "center": center, "radius": 0.05}]
+    )
+    shield.command()
+    step, clearance = shield.last_step, shield.clearance
+    near = clearance.near(shield.position[None])
+    place = next(k for k in near.gaps[0].argsort() if "cup" in clearance.names[k])
+    gap, slope = near.gaps[0, place], near.slopes[0, place]
+    avoidance = shield._guard.law.avoidance
+    fastest = avoidance.approach * (gap - avoidance.distance)
+    towards = -slope * fastest / float(slope @ slope)
+    assert place in step.pairs_in_the_way(1.1 * towards)
+    assert place not in step.pairs_in_the_way(0.8 * towards)
+    assert place not in step.pairs_in_the_way(-1.1 * towards)
+    assert place in step.pairs_in_the_way(-towards, [place], 1.1 * gap)
+    assert place not in step.pairs_in_the_way(-towards, [place], 0.9 * gap)
+
+
 @pytest.mark.long
 def test_episodes_of_a_held_stick(monkeypatch):
     """Limits hold, nothing touches, arms come to rest, say why, and leave by the way they came."""

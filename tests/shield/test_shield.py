@@ -12,6 +12,7 @@ from drake_rnn import (
     JointStream,
     Shield,
     ShieldSettings,
+    UnprotectedWarning,
     arm_clearance,
     load_arm,
     make_obstacles,
@@ -879,8 +880,10 @@ def test_what_its_promises_rest_on_is_data():
 
 def test_a_shield_without_accelerations_says_that_velocities_jump():
     limits = PANDA.limits.replace(acceleration=None, jerk=None)
-    with pytest.warns(UserWarning, match=r"^limits: no acceleration is known of panda") as told:
+    text = r"^limits: no acceleration is known of panda"
+    with pytest.warns(UnprotectedWarning, match=text) as told:
         shield = Shield(PANDA, PERIOD, limits=limits)
+    assert [each.filename for each in told] == [__file__]
     assert str(told[0].message) in shield.warnings
 
 

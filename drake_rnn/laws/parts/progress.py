@@ -31,16 +31,18 @@ from ...inputs.fields import Array
 from ...robot.limits import JointLimits
 from ..law import Signals, State
 
-#: Share of the work of what is wanted that is progress.
-LEAST_GAIN = 0.1
-# The share of it that makes a tool faster.
-_FREE = 0.25
-# Time over which progress is a mean, in which the speed falls and grows by a factor of e [s].
-_MEAN, _FALL, _GROWTH = 0.1, 0.15, 0.08
+# Share of the work of what is wanted that is progress, and that makes a tool faster.
+_LEAST_GAIN, _FREE = 0.1, 0.25
+#: Time over which progress is a mean [s].
+MEAN = 0.1
+# In which the speed falls and grows by a factor of e [s].
+_FALL, _GROWTH = 0.15, 0.08
 #: Least share of its speed that a tool wants.
 LEAST = 3e-3
-# Share of the work with which a tool goes well along what is wanted, and for how long it must [s].
-_WELL, _LONG = 0.5, 0.3
+#: Share of the work with which a tool goes well along what is wanted.
+WELL = 0.5
+# For how long it must [s].
+_LONG = 0.3
 #: Time without progress after which the speed to a pose falls [s]: the tool may first go astray.
 POSE_PATIENCE = 0.8
 # A tool is not led by less than this [m/s].
@@ -130,17 +132,17 @@ def _advance_led(
     square = size * size
     # What is more than the joints can make of it by then does not count.
     square = select(
-        power >= _WELL * share * square,
+        power >= WELL * share * square,
         lambda: square,
         lambda: size * _smaller(size, fastest(age)),
     )
-    well = _where(power >= _WELL * share * square, well + period, 0.0)
+    well = _where(power >= WELL * share * square, well + period, 0.0)
     is_on_its_way = (well >= _LONG) & (share == 1.0)
     work = period * power + _where(is_on_its_way, 0.0, ahead)
     gained = larger(0.0, work)
-    rate = rate + (gained - period * rate) / (_MEAN + period)
-    blocked = _where(rate >= LEAST_GAIN * square, 0.0, blocked + period)
-    gets_on = rate >= LEAST_GAIN * share * square
+    rate = rate + (gained - period * rate) / (MEAN + period)
+    blocked = _where(rate >= _LEAST_GAIN * square, 0.0, blocked + period)
+    gets_on = rate >= _LEAST_GAIN * share * square
     since = _where(gets_on, 0.0, since + period)
     # One that turns round goes well again before the speed falls.
     falls = (since > patience) & ((well == 0.0) | (share < 1.0))

@@ -84,7 +84,7 @@ from ...inputs.keys import Meaning
 from ...inputs.messages import fields_of, replace_unchecked
 from ...robot.clearance import Clearance, Flags, Indices
 from ...robot.clearance.capsules import NUMBER_AXES
-from ...robot.clearance.clearance import Neighbour
+from ...robot.clearance.clearance import Needs, Neighbour
 from ...robot.limits import JointLimits
 from ..law import Signals, State
 from .bounded_velocity import (
@@ -184,6 +184,7 @@ class Sight(NamedTuple):
         widest: By how much z may differ from that of the stop, shape (n,) [rad/s].
         room: How much nearer than the stop z may bring each pair at least, shape (p,) [m].
         ahead: Whether a z of the box can fail a row of each pair, shape (p,).
+        close: Whether one can be so near in the stop that the certificate has to look, shape (p,).
         in_zone: Whether it is so near that joints may make way for it, shape (p,).
     """
 
@@ -197,6 +198,7 @@ class Sight(NamedTuple):
     widest: Array
     room: Array
     ahead: Flags
+    close: Flags
     in_zone: Flags
 
 
@@ -689,12 +691,13 @@ class WithinClear:
         leverage = choice.leverage(rows)
         left = state["gaps"] - reaches @ abs(q - state["seen"]) - world.nearer(1.0)
         least = left - reaches @ stop.way(first) - world.nearer(k[-1])
-        room = self.avoidance.approach * world.period * (least - self.avoidance.distance)
+        spare, rate = least - self.avoidance.distance, self.avoidance.approach * world.period
         (lower, upper), z = choice.box, choice.first_z
-        widest = xp.maximum(upper - z, z - lower)
-        ahead = self._reaches @ (leverage[-1] * widest) > room
-        in_zone = left < self._zones
-        return Sight(q, choice, stop, world, left, k, leverage, widest, room, ahead, in_zone)
+        widest, room = xp.maximum(upper - z, z - lower), rate * spare
+        nearer = self._reaches @ (leverage[-1] * widest)
+        # A way may lead there and back.
+        near = (nearer > room, 2.0 * nearer > spare, left < self._zones)
+        return Sight(q, choice, stop, world, left, k, leverage, widest, room, *near)
 
     @cached_property
     def _zones(self) -> Array:
@@ -738,11 +741,26 @@ class WithinClear:
             return DistanceScans(are_few, DistanceScan(along, near.slopes), every)
 
         def every() -> DistanceScans:
-            near = sight.world.near(path, k, _ALL, _WITH_SLOPES)
+            # Of a pair that is not close, what only the certificate would look at is not needed.
+            with_rows = np.isin(np.arange(len(k)), _WITH_SLOPES)[:, None]
+            needs = Needs(flags & (with_rows | sight.close), self._bounds_of_slopes(sight))
+            near = sight.world.near(path, k, _ALL, _WITH_SLOPES, needs)
             along = Along(None, flags, k, path, near.gaps)
             return DistanceScans(are_few, nothing.few, DistanceScan(along, near.slopes))
 
         return either(are_few, few, every)
+
+    def _bounds_of_slopes(self, sight: Sight) -> Array:
+        """Return distances from which on slopes do not matter, shape (1 + s, p) [m]."""
+        # Here they are for joints that make way, and to be lifted off what is near.
+        here = functions_of(self._zones).maximum(self._zones, self.avoidance.distance)
+        return functions_of(sight.q, here).concatenate((here[None], self._row_bounds(sight)))
+
+    def _row_bounds(self, sight: Sight, numbers: Indices | None = None) -> Array:
+        """Return distances from which on no velocity of the box can fail a row, shape (s, r)."""
+        rate = self.avoidance.approach * sight.world.period
+        reaches = self._reaches if numbers is None else entries(self._reaches, numbers)
+        return self.avoidance.distance + (sight.leverage * sight.widest) @ reaches.T / rate
 
     def _nothing(self, sight: Sight) -> DistanceScan | DistanceScans | None:
         """Return what takes the place of a look: None or, in JAX, arrays that say nothing."""
@@ -768,6 +786,7 @@ class WithinClear:
         gaps, slopes, numbers = scan.along.gaps[0], scan.slopes[0], scan.along.pairs
         if numbers is None or scan.along.places is not None:
             is_here = gaps < (self._zones if numbers is None else entries(self._zones, numbers))
+            is_here = is_here & scan.along.flags if numbers is None else is_here
             return self.repulsion.velocity(functions_of(gaps).where(is_here, gaps, np.inf), slopes)
         (here,) = (gaps < self._zones[numbers]).nonzero()
         return self.repulsion.velocity(gaps[here], slopes[here])
@@ -781,9 +800,7 @@ class WithinClear:
         xp, numbers = functions_of(z), along.pairs
         gaps = along.gaps[_WITH_SLOPES[1:]] if xp is np else _places(along.gaps)
         room = rate * xp.maximum(gaps - distance, 0.0)
-        reaches = (self._reaches if numbers is None else entries(self._reaches, numbers)).T
-        # Of a pair that is farther away no velocity of the box can fail the row.
-        counts = gaps < distance + (leverage * sight.widest) @ reaches / rate
+        counts = gaps < self._row_bounds(sight, numbers)
         if numbers is None or along.places is not None:
             A = scan.slopes[1:, :, : z.size] * leverage[:, None]
             # Of few pairs those that do not count are infinitely far.
@@ -795,7 +812,8 @@ class WithinClear:
             c = A @ first_z - room / xp.where(counts, size, 1.0)
             return Rows(A, xp.where(counts, c, -np.inf))
         # A row allows what the slope could take of the room, and no slope is larger than reaches.
-        travel = (leverage * np.abs(z - first_z)) @ reaches
+        reaches = self._reaches if numbers is None else entries(self._reaches, numbers)
+        travel = (leverage * np.abs(z - first_z)) @ reaches.T
         if not np.count_nonzero(travel > room):
             return None
         postures, places = np.nonzero(counts)

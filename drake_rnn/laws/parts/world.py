@@ -73,7 +73,7 @@ import numpy as np
 from ...arrays.algebra import either, entries, functions_of, join, knows_branches
 from ...inputs.fields import Array
 from ...robot.clearance import Clearance, Flags, Indices, Near
-from ...robot.clearance.clearance import OTHER, Neighbour
+from ...robot.clearance.clearance import OTHER, Needs, Neighbour
 from ...robot.jerk_stop import HeldJerkStop, HeldStop, course
 from ..law import Signals
 from .obstacle_tracks import ANYWHERE, Places
@@ -82,6 +82,8 @@ from .obstacle_tracks import ANYWHERE, Places
 Stop = HeldStop | HeldJerkStop
 
 _ALL = slice(None)
+# By how much distances that are computed in two ways may differ [m].
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,7 +275,12 @@ class World:
         return _least([gaps - doubt for gaps, _, doubt in views], xp), between
 
     def near(
-        self, q: Array, k: Array, pairs: Indices | slice, with_slopes: Indices | slice
+        self,
+        q: Array,
+        k: Array,
+        pairs: Indices | slice,
+        with_slopes: Indices | slice,
+        needs: Needs | None = None,
     ) -> Near:
         """Return the same with the slopes in some postures, of `Clearance.near`.
 
@@ -281,8 +288,10 @@ class World:
         """
         numbers = None if isinstance(pairs, slice) else pairs
         if self.places is None:
-            return self.clearance.near(q, None, numbers, with_slopes)
-        near, *others = (self._near_at(*place, q, k, pairs, with_slopes) for place in self._places)
+            return self.clearance.near(q, None, numbers, with_slopes, needs)
+        near, *others = (
+            self._near_at(*place, (q, k), pairs, with_slopes, needs) for place in self._places
+        )
         for other in others:
             xp, nearer = functions_of(near.gaps), other.gaps < near.gaps
             slopes = xp.where(nearer[with_slopes][..., None], other.slopes, near.slopes)
@@ -293,18 +302,20 @@ class World:
         self,
         p_WO: Array,
         doubt: Array,
-        q: Array,
-        k: Array,
+        way: tuple[Array, Array],
         pairs: Indices | slice,
         with_slopes: Indices | slice,
+        needs: Needs | None,
     ) -> Near:
         """Return what `near` does if obstacles are at places, with a doubt of each pair's gap."""
-        near = self.clearance.near(
-            q, p_WO, None if isinstance(pairs, slice) else pairs, with_slopes
-        )
+        q, k = way
         doubt = entries(doubt, pairs)
-        gaps = near.gaps - (doubt + self.nearer(k, pairs))
-        is_known = (doubt < ANYWHERE)[:, None]
+        less = doubt + self.nearer(k, pairs)
+        if needs is not None:
+            needs = needs._replace(bounds=needs.bounds + less[with_slopes] + _ROUNDING)
+        numbers = None if isinstance(pairs, slice) else pairs
+        near = self.clearance.near(q, p_WO, numbers, with_slopes, needs)
+        gaps, is_known = near.gaps - less, (doubt < ANYWHERE)[:, None]
         return Near(near.pairs, gaps, functions_of(gaps).where(is_known, near.slopes, 0.0))
 
     def gaps_now(self, q: Array) -> Array:

@@ -210,11 +210,15 @@ def fine_capsules(surfaces: Mapping[str, Array], most: int = 3, effort: int = 1)
         most: Largest number of capsules of a body.
         effort: Number of searches for those of a body.
     """
-    return [
-        Capsule(body=body, ends=(each.ends[0], each.ends[1]), radius=each.radius)
-        for body, triangles in surfaces.items()
-        for each in covering_capsules(triangles, most, effort=effort)
-    ]
+    capsules: list[Capsule] = []
+    with telling("fine capsules are fitted") as tell:
+        for k, (body, triangles) in enumerate(surfaces.items(), start=1):
+            tell(f"{body}, {k} of {len(surfaces)}")
+            capsules += [
+                Capsule(body=body, ends=(each.ends[0], each.ends[1]), radius=each.radius)
+                for each in covering_capsules(triangles, most, effort=effort)
+            ]
+    return capsules
 
 
 def rounded(capsule: Capsule, points: Array) -> Capsule:

@@ -28,7 +28,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import RevoluteJoint
 from pydrake.systems.framework import Context
 
-from ...errors import InvalidInputError, old_arguments
+from ...errors import InvalidInputError, old_arguments, warn_unprotected
 from ...inputs.fields import Array, checked, each, instance, vector
 from ...inputs.files import cached_numbers
 from ...inputs.messages import nearest, plural
@@ -492,7 +492,7 @@ def arm_clearance(
     posture: Array,
     pressed_obstacles: Sequence[Obstacle] = (),
 ) -> tuple[Clearance, tuple[str, ...]]:
-    """Return what an arm is to stay clear of, and warnings.
+    """Return what an arm is to stay clear of, and warnings, which are an `UnprotectedWarning` too.
 
     See `drake_rnn.robot.clearance.arm_clearance` for the pairs of its own bodies. Bodies of which
     the
@@ -513,6 +513,18 @@ def arm_clearance(
             be read, a shape has no bounds, its file of capsules does not fit it, or an obstacle has
             the name of what is pressed on.
     """
+    clearance, doubts = clearance_of(arm, obstacles, posture, pressed_obstacles)
+    warn_unprotected(doubts)
+    return clearance, doubts
+
+
+def clearance_of(
+    arm: Arm,
+    obstacles: Sequence[Obstacle],
+    posture: Array,
+    pressed_obstacles: Sequence[Obstacle] = (),
+) -> tuple[Clearance, tuple[str, ...]]:
+    """Return what `arm_clearance` does, for a caller that tells the warnings itself."""
     capsules_of_arm, own, doubts = _alone(arm, posture)
     shapes = single_shapes([*obstacles, *pressed_obstacles])
     count_free = sum(len(obstacle.parts) for obstacle in obstacles)

@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -80,6 +81,19 @@ class _Sides(NamedTuple):
     cylinder_order: Indices
     # Whether the second side of each round pair is the arm's own, where their order tells nothing.
     is_own: Flags | None = None
+
+
+class Needs(NamedTuple):
+    """What is needed of the distances of pairs in some postures.
+
+    Attributes:
+        flags: Of which pairs, and in which postures, shape (k, p); of others they are -inf.
+        bounds: Distances below which slopes are, of a pair that is below in one posture with slopes
+            at least, shape (s, p) [m].
+    """
+
+    flags: Flags
+    bounds: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +183,11 @@ class Pairs:
         return self.nearest(X, p_WO).distance - self.radii
 
     def distances_and_slopes(
-        self, X: Array, p_WO: Array | None, selection: Indices | slice
+        self,
+        X: Array,
+        p_WO: Array | None,
+        selection: Indices | slice,
+        needs: Needs | None = None,
     ) -> tuple[Array, Array]:
         """Return the distance of each pair, and its slope with respect to the joints.
 
@@ -177,11 +195,12 @@ class Pairs:
             X: Motions of the links in k postures, from ``arm.poses.at``.
             p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
             selection: The s postures in which slopes are wanted.
+            needs: What is needed; None for all. Compiled code does not compute the rest.
 
         Returns:
             Distances, shape (k, p) [m], and slopes, shape (s, p, n) [m/rad].
         """
-        near = self.nearest(X, p_WO)
+        near = self.nearest(X, p_WO, None if needs is None else needs.flags)
         X, p_A = X[selection], near.p_A[selection]
         normals = _normals(Nearest(*(part[selection] for part in near)))[..., None, :]
         axes, points = self.arm.poses.axes_at(X)
@@ -192,7 +211,13 @@ class Pairs:
             is_slide = np.array(self.arm.poses.slides)[:, None]
             angular = functions_of(angular).where(is_slide, normals, angular)
         slopes = self.parted * (axes[:, None] * angular).sum(axis=-1)
-        return near.distance - self.radii, slopes
+        gaps = near.distance - self.radii
+        if needs is None:
+            return gaps, slopes
+        where = functions_of(gaps).where
+        gaps = where(needs.flags, gaps, -np.inf)
+        has_slopes = (needs.flags[selection] & (gaps[selection] < needs.bounds)).any(axis=0)
+        return gaps, where(has_slopes[:, None], slopes, 0.0)
 
     def gaps_between(
         self,
@@ -249,8 +274,8 @@ class Pairs:
         turned = least_on_bow(here[:-1], here[1:], bend + 2.0 * turn * nearer)
         return xp.maximum(planes, turned) - self.radii
 
-    def nearest(self, X: Array, p_WO: Array | None) -> Nearest:
-        """Return the nearest points of the pairs' segments."""
+    def nearest(self, X: Array, p_WO: Array | None, flags: Flags | None = None) -> Nearest:
+        """Return the nearest points of the pairs' segments; 0 where there is no flag, (k, p)."""
         sides, ends = self.sides, self.arm.segments_in_world(X)
         xp = functions_of(X)
         if p_WO is not None and p_WO.size:
@@ -272,6 +297,10 @@ class Pairs:
             near = to_cylinders(segments, solid.axes, solid.half, solid.radii)
             back = (x + solid.centers for x in near[1:])
             nearest_points.append(Nearest(near.distance, *back))
+        if flags is not None:
+            counts = [each.distance.shape[-1] for each in nearest_points]
+            parts = [flags[..., a:b] for a, b in pairwise((0, *np.cumsum(counts)))]
+            nearest_points = list(map(_only, nearest_points, parts))
         if len(nearest_points) == 1:
             return nearest_points[0]
         if not nearest_points:
@@ -280,6 +309,13 @@ class Pairs:
         distance, p_A, p_B = zip(*nearest_points, strict=True)
         parts = (xp.concatenate(p_A, axis=-2), xp.concatenate(p_B, axis=-2))
         return Nearest(xp.concatenate(distance, axis=-1), *parts)
+
+
+def _only(near: Nearest, flags: Flags) -> Nearest:
+    """Return nearest points where there is a flag, shape (k, p), and 0 for the others."""
+    where = functions_of(near.distance, flags).where
+    points = (where(flags[..., None], each, 0.0) for each in near[1:])
+    return Nearest(where(flags, near.distance, 0.0), *points)
 
 
 def least_on_bow(begin: Array, end: Array, bend: Array | float) -> Array:
@@ -695,6 +731,7 @@ class Clearance:
         p_WO: Array | None = None,
         pairs: Indices | None = None,
         with_slopes: Indices | slice = _ALL,
+        needs: Needs | None = None,
     ) -> Near:
         """Return distances, and how they change with the joints.
 
@@ -703,12 +740,11 @@ class Clearance:
             p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
             pairs: The pairs that are looked at, in order, shape (r,); None for all.
             with_slopes: The postures in which slopes are wanted.
+            needs: What is needed of these pairs, see `Pairs.distances_and_slopes`.
         """
         selection = self._every if pairs is None else self._among(pairs)
-        number = np.arange(self.count) if pairs is None else pairs
-        return Near(
-            number, *selection.distances_and_slopes(self.arm.poses.at(q), p_WO, with_slopes)
-        )
+        number, X = np.arange(self.count) if pairs is None else pairs, self.arm.poses.at(q)
+        return Near(number, *selection.distances_and_slopes(X, p_WO, with_slopes, needs))
 
     def view(
         self, q: Array, p_WO: Array | None = None, pairs: Indices | None = None

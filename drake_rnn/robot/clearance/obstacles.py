@@ -10,7 +10,17 @@ from pydantic import BeforeValidator, Field
 
 from ...errors import InvalidInputError
 from ...inputs.documents import construct, without_kind
-from ...inputs.fields import Angles, Array, Length, NonNegative, Point, Speed, validated, zeros
+from ...inputs.fields import (
+    Angles,
+    Array,
+    Length,
+    NonNegative,
+    Point,
+    Speed,
+    is_name,
+    validated,
+    zeros,
+)
 from ...inputs.keys import Meaning
 from ...inputs.messages import fields_of, metres_hint, nearest, short
 from ..rotation import rotation_of
@@ -70,6 +80,8 @@ class Obstacle:
     ] = None
 
     def __post_init__(self) -> None:
+        if self.name and not is_name(self.name):
+            raise ValueError(f"name: must be a name, not {self.name!r}")
         if self.speed is None and (self.moves is not None or self.error):
             key = "error" if self.moves is None else "moves"
             raise ValueError(
@@ -244,6 +256,8 @@ def described_obstacles(
         if kind not in kinds:
             raise InvalidInputError(f"{key}.kind: {short(kind)}: {nearest(kind, list(kinds))}")
         own = {"name": f"{kind} {k + 1}", **without_kind(fields)}
+        if own["name"] == "":
+            raise InvalidInputError(f"{key}.name: must be a name, not ''")
         obstacle = construct(kinds[kind], own, key)
         try:
             obstacle = obstacle.placed(pose_in_base)

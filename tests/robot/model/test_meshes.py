@@ -4,6 +4,8 @@ import base64
 import json
 import multiprocessing
 import re
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from pydrake.geometry import Role
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_rnn import load_arm, make_experiment, simulate, write_playback
+from drake_rnn import InvalidInputError, load_arm, make_experiment, simulate, write_playback
 from drake_rnn.inputs.files import cache_folder, cached_file
 from drake_rnn.robot.model.meshes import gltf_file
 from scene_helpers import extents
@@ -252,6 +254,22 @@ def test_a_cache_that_cannot_be_written_is_said(tmp_path, monkeypatch):
     write_box(tmp_path / "hand.stl")
     message = refusal(write(tmp_path, "five.urdf", urdf(hand=shape("hand.stl"))), frame="tip")
     assert message.startswith("XDG_CACHE_HOME: cannot keep ")
+
+
+def test_a_user_without_a_home_has_a_cache_that_nobody_else_writes(monkeypatch, tmp_path):
+    def no_home():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", no_home)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    file = cached_file("a.txt", lambda: b"kept")
+    assert file.read_bytes() == b"kept"
+    assert file.parent.parent == tmp_path
+    assert file.parent.stat().st_mode & 0o777 == 0o700
+    file.parent.chmod(0o777)
+    with pytest.raises(InvalidInputError, match="XDG_CACHE_HOME: must be given: this user has no"):
+        cached_file("a.txt", lambda: b"kept")
 
 
 # A whole run.

@@ -5,7 +5,14 @@ import pytest
 
 from drake_rnn import load_arm
 from drake_rnn.experiment import make_experiment
-from drake_rnn.laws.parts.progress import LEAST, NO_PROGRESS, ShareOfSpeed, advance, fastest_tool
+from drake_rnn.laws.parts.progress import (
+    LEAST,
+    NO_PROGRESS,
+    Look,
+    ShareOfSpeed,
+    advance,
+    fastest_tool,
+)
 from drake_rnn.live.session import Session
 
 PERIOD, SLICE = 5e-3, 0.02
@@ -59,9 +66,10 @@ def test_many_robots_get_on_as_each_of_them_does():
         b, V = rng.normal(0.05, 0.02, (count, 3)), rng.normal(0.0, 0.02, (count, 3))
         V[:2], b[2:4] = b[:2], 0.0 if k % 9 else b[2:4]
         rests = rng.random((count, 1)) < 0.999
-        share, state = each.step(state, {}, PERIOD, b, 0.5 * b, V, J, rests)
+        share, state = each.step(state, {}, PERIOD, rests, lambda: Look(b, 0.5 * b, V, J))  # noqa: B023
         for i, one in enumerate(alone):
-            s, after = each.step(one, {}, PERIOD, b[i], 0.5 * b[i], V[i], J[i], rests[i])
+            look = Look(b[i], 0.5 * b[i], V[i], J[i])
+            s, after = each.step(one, {}, PERIOD, rests[i], lambda: look)  # noqa: B023
             one |= after
             assert share[i, 0] == pytest.approx(s, rel=1e-12)
     assert share.min() == LEAST

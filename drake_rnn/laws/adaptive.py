@@ -626,7 +626,9 @@ class AdaptiveReading(SampledReading):
         """What lets an arm rest that learns where the edge of reach is."""
         law = self.law
         is_plain = law.points is None and law.surface is None and law.objectives is None
-        return ShareOfSpeed(law.limits, is_plain and law.learns_jacobian, self._is_exact)
+        acts = is_plain and law.learns_jacobian
+        turn = self._edge.turn if acts else 0.0
+        return ShareOfSpeed(law.limits, acts, self._is_exact, turn)
 
     @property
     def _is_exact(self) -> Any:

@@ -45,6 +45,8 @@ WELL = 0.5
 _LONG = 0.3
 #: Time without progress after which the speed to a pose falls [s]: the tool may first go astray.
 POSE_PATIENCE = 0.8
+# It is no less than the time of so many turns of a joint's acceleration.
+_TURNS = 4.0
 # A tool is not led by less than this [m/s].
 _NOTHING = 1e-3
 # At the edge of reach b counts as no less than this: a tenth, a millimetre a second, is none [m/s].
@@ -84,7 +86,7 @@ def advance(
     wanted: Array,
     V_tool: Array,
     period: float,
-    patience: float,
+    patience: Any,
     fastest: Callable[[Any], Any],
 ) -> Progress:
     """Return the progress a sample later; while nothing is wanted it stays as it is.
@@ -114,7 +116,7 @@ def _advance_led(
     power: Any,
     size: Any,
     period: float,
-    patience: float,
+    patience: Any,
     fastest: Callable[[Any], Any],
 ) -> Progress:
     """Return the progress of a tool that is led, of numbers or of arrays; see `advance`.
@@ -208,11 +210,13 @@ class ShareOfSpeed:
         limits: Limits of the joints.
         acts: Whether it does; else it remembers nothing.
         exact: 1 where measurements are exact and in time, else 0, a number or shape (..., 1).
+        turn: Time in which a joint turns its acceleration round, likewise [s].
     """
 
     limits: JointLimits
     acts: bool
     exact: Any
+    turn: Any = 0.0
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
@@ -248,7 +252,9 @@ class ShareOfSpeed:
 
         one = is_one(before)
         parts = before.tolist() if one else (before[..., k, None] for k in range(none.size))
-        after = advance(Progress(*parts), wanted, V, period, POSE_PATIENCE, fastest)
+        # Joints that are slow to turn may have to turn first, and to gather speed.
+        patience = larger(POSE_PATIENCE, _TURNS * self.turn)
+        after = advance(Progress(*parts), wanted, V, period, patience, fastest)
         if one:
             return after.share, {"progress": np.array(after)}
         chosen = functions_of(before).where(acts, join(after), none)

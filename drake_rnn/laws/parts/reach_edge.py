@@ -295,13 +295,13 @@ class ReachEdge:
             return softness
         if is_one(feedback):
             fastest = min(self.length(feedback), _SWAY * sqrt(dot(v, v)))
-            way = _TURNS * self._turn * fastest
+            way = _TURNS * self.turn * fastest
             if way <= _SHORT:
                 return softness
             return softness + (way * way - _SHORT**2) * np.diag(self.scales**-2)
         xp = functions_of(feedback)
         fastest = xp.minimum(self.length(feedback), _SWAY * root(dot(v, v)))
-        way = _TURNS * self._turn * fastest
+        way = _TURNS * self.turn * fastest
         excess = xp.maximum(way * way - _SHORT**2, 0.0)
         return softness + (excess * self.scales**-2)[..., None] * np.eye(feedback.shape[-1])
 
@@ -313,7 +313,7 @@ class ReachEdge:
         """
         if self.limits.jerk is None:
             return g
-        part = _PULL_TIME / self._turn
+        part = _PULL_TIME / self.turn
         if isinstance(part, float):
             return g if part >= 1.0 else part * g
         return functions_of(part).minimum(part, 1.0) * g
@@ -436,7 +436,7 @@ class ReachEdge:
         if change.learned:
             # Where the jerk lets a joint turn soon, it brakes in time with the usual growth, and
             # what is learned meanwhile would cost accuracy.
-            late = self.limits.jerk is not None and self._turn > _PULL_TIME
+            late = self.limits.jerk is not None and self.turn > _PULL_TIME
             share = share * late
         bent = clip(bent, _LEAST, self.reach)
         return self.reach + share * (bent - self.reach)
@@ -612,8 +612,10 @@ class ReachEdge:
         return _least(self.limits.require("jerk", "its bound"))
 
     @cached_property
-    def _turn(self) -> Any:
+    def turn(self) -> Any:
         """Time in which a joint turns its acceleration round [s], a number or shape (..., 1)."""
+        if self.limits.jerk is None:
+            return 0.0
         jerk = self.limits.require("jerk", "its bound")
         xp = functions_of(jerk)
         most = self.limits.sides("acceleration", "braking in time").least

@@ -20,9 +20,9 @@ from .twist_lead import Feedback, TwistLead
 OFF, TURNED = 0.01, 0.03
 #: A tool that is nearer than this is at its pose [m].
 AT = 1e-3
-# What a motion of the joints brings a tool at the end of its reach at least [m]; the share of what is
-# wanted that joints cannot make, beyond which a tool cannot follow it, and how far motions that
-# bring less than this count as none [m].
+# What a motion of the joints brings a tool at the end of its reach at least [m]; the share of what
+# is wanted beyond which a tool that joints cannot give it does not follow; motions that bring it
+# less than the last count as none [m].
 _LITTLE, _MISSED, _FLAT = 0.2, 0.5, 0.05
 # Deceleration and largest speed with which a tool joins poses [m/s^2, m/s]; the first is no more
 # than joints that are slow to brake can make of it, this far from the tool [m].

@@ -107,7 +107,7 @@ from .parts.path_task import (
     gain_within_jerk,
     in_metres,
 )
-from .parts.progress import ShareOfSpeed
+from .parts.progress import Look, ShareOfSpeed
 from .parts.reach_edge import (
     AT_REST,
     EDGE,
@@ -715,12 +715,16 @@ class AdaptiveReading(SampledReading):
             seen: Task velocity of the path, error and what `_within_reach` makes of its feedback,
                 shape (..., m) each.
         """
-        (along, error, back), scales, source = seen, self._edge.scales, self._source
-        assert isinstance(source, LearnedJacobian)
-        wanted, V = scales * self._task.back(error), scales * source.task_velocity(state, u, period)
+        along, error, back = seen
+
+        def look() -> Look:
+            scales, source = self._edge.scales, self._source
+            assert isinstance(source, LearnedJacobian)
+            wanted, V_tool = self._task.back(error), source.task_velocity(state, u, period)
+            return Look(scales * wanted, scales * back, scales * V_tool, scales[..., None] * J)
+
         rests = abs(along).max(axis=-1, keepdims=True) <= AT_REST
-        rows = scales[..., None] * J
-        return self._progress.step(state, u, period, wanted, scales * back, V, rows, rests)
+        return self._progress.step(state, u, period, rests, look)
 
     def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
         motion = {"commanded": q, "v": v, "a": a}

@@ -321,11 +321,19 @@ def signals(layout, rng, count):
         u["position"] += HOME
     if "M" in u:
         u["M"] = np.einsum("...ij,...kj->...ik", u["M"], u["M"]) + 0.5 * np.eye(N)
+    if "J" not in u:
+        _rest_targets(u)
     if "normal_force_desired" in u:
         u["normal_force_desired"] = 0.5 + np.abs(u["normal_force_desired"])
     if "normal_WE" in u:
         u["normal_WE"] /= np.linalg.norm(u["normal_WE"], axis=-1, keepdims=True)
     return u
+
+
+def _rest_targets(u):
+    """Let the targets of some robots rest, on which progress depends while J is learned."""
+    for name in u.keys() & {"p_preview", "R_preview"}:
+        u[name][::4] = u[name.replace("preview", "WE_desired")][::4]
 
 
 def states(reading, rng, count):
@@ -366,6 +374,8 @@ def _moving(layout, x, rng):
         "q_late": q[:, np.newaxis],
         "q_before": q[:, np.newaxis],
     }
+    if "progress" in layout:
+        values["progress"] = abs(layout.part(x, "progress")) % 1.0
     known = {name: value for name, value in values.items() if name in layout}
     shapes = {name: (*lead, *layout.parts[name][1]) for name in known}
     return layout.with_parts(x, **{n: np.broadcast_to(v, shapes[n]) for n, v in known.items()})

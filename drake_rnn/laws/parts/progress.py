@@ -183,6 +183,23 @@ def asks_for_nothing(wanted: Array) -> bool:
     return bool(dot(wanted, wanted) < _NOTHING**2)
 
 
+class Look(NamedTuple):
+    """What a law wants of its tool at a sample, of rows that are lengths.
+
+    Attributes:
+        wanted: Task velocity b that is wanted, shape (..., m) [m/s].
+        possible: What the law makes of it near the edge of reach, likewise: b counts as no more
+            than that.
+        V_tool: Velocity of the tool, likewise.
+        J: Jacobian of the rows, shape (..., m, n).
+    """
+
+    wanted: Array
+    possible: Array
+    V_tool: Array
+    J: Array
+
+
 @dataclass(frozen=True)
 class ShareOfSpeed:
     """The share of its speed that a task may want whose target rests; see `Component`.
@@ -207,15 +224,7 @@ class ShareOfSpeed:
         return {"progress": np.array(NO_PROGRESS)} if self.acts else {}
 
     def step(
-        self,
-        state: State,
-        u: Signals,
-        period: float,
-        wanted: Array,
-        possible: Array,
-        V: Array,
-        J: Array,
-        rests: Any,
+        self, state: State, u: Signals, period: float, rests: Any, look: Callable[[], Look]
     ) -> tuple[Any, State]:
         """Return the share, a number or shape (..., 1); see `Component.step`.
 
@@ -223,24 +232,21 @@ class ShareOfSpeed:
             state: Parts of the law's state, by name.
             u: Signals at the sample.
             period: Time until the next sample [s].
-            wanted: Task velocity b that is wanted, of rows that are lengths, shape (..., m) [m/s].
-            possible: What a law makes of it near the edge of reach, likewise: it counts as no more
-                than that along b.
-            V: That of the tool, likewise.
-            J: Jacobian of these rows, shape (..., m, n).
-            rests: Whether the target rests, a truth value or shape (..., 1).
+            rests: Whether the target rests, shape (..., 1).
+            look: Returns what is wanted; it is not called if no target rests.
         """
         before, none = state["progress"], np.array(NO_PROGRESS)
         acts = rests & (self.exact > 0.0)
-        one = is_one(before)
-        if one and not acts:
-            return 1.0, {"progress": none}
+        if type(acts) is np.ndarray and not acts.any():
+            return 1.0, {"progress": none + 0.0 * before}
+        wanted, possible, V, J = look()
         size = larger(_NOTHING, root(dot(wanted, wanted)))
         most = larger(_SLOW, dot(wanted, possible) / size)
 
         def fastest(age: Any) -> Any:
             return _smaller(fastest_tool(J, self.limits, age), most)
 
+        one = is_one(before)
         parts = before.tolist() if one else (before[..., k, None] for k in range(none.size))
         after = advance(Progress(*parts), wanted, V, period, POSE_PATIENCE, fastest)
         if one:

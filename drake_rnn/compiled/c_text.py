@@ -538,9 +538,7 @@ class _Printer:
             lines += self._stores(sweep, [store.value for store in sweep.live])
         return [head, *("    " + line for line in lines), "}"]
 
-    def _sparse_rounds(
-        self, sweep: Sweep, scope: Scope, head: str, condition: Node
-    ) -> list[str]:
+    def _sparse_rounds(self, sweep: Sweep, scope: Scope, head: str, condition: Node) -> list[str]:
         """Return the innermost loop of a sweep as two, the second one for some rounds alone.
 
         The first one writes constants, many at once; in branches of one loop that takes longer.

@@ -299,10 +299,7 @@ class Pairs:
             near = to_cylinders(segments, solid.axes, solid.half, solid.radii)
             back = (x + solid.centers for x in near[1:])
             nearest_points.append(Nearest(near.distance, *back))
-        if flags is not None:
-            counts = [each.distance.shape[-1] for each in nearest_points]
-            parts = [flags[..., a:b] for a, b in pairwise((0, *np.cumsum(counts)))]
-            nearest_points = list(map(_only, nearest_points, parts))
+        nearest_points = _only(nearest_points, flags)
         if len(nearest_points) == 1:
             return nearest_points[0]
         if not nearest_points:
@@ -313,11 +310,20 @@ class Pairs:
         return Nearest(xp.concatenate(distance, axis=-1), *parts)
 
 
-def _only(near: Nearest, flags: Flags) -> Nearest:
-    """Return nearest points where there is a flag, shape (..., p), and 0 for the others."""
-    where = functions_of(near.distance, flags).where
-    points = (where(flags[..., None], each, 0.0) for each in near[1:])
-    return Nearest(where(flags, near.distance, 0.0), *points)
+def _only(kinds: list[Nearest], flags: Flags | None) -> list[Nearest]:
+    """Return nearest points of pairs of each kind, 0 where there is no flag, shape (..., p)."""
+    if flags is None:
+        return kinds
+    counts, where, found = (
+        np.cumsum([0, *(len(each.distance.T) for each in kinds)]),
+        functions_of(flags).where,
+        [],
+    )
+    for (distance, *points), (a, b) in zip(kinds, pairwise(counts), strict=True):
+        some = flags[..., a:b]
+        points = [where(some[..., None], each, 0.0) for each in points]
+        found.append(Nearest(where(some, distance, 0.0), *points))
+    return found
 
 
 def least_on_bow(begin: Array, end: Array, bend: Array | float) -> Array:

@@ -430,10 +430,10 @@ def _parted_by(sides: _Sides, ends: Array, normals: Array, flags: Flags | None) 
         high = high + across * solid.radii
         parts.append(xp.minimum(low[..., 0], low[..., 1]) - high)
     if flags is not None:
-        counts = np.cumsum([0, *(each.shape[-1] for each in parts)])
+        begins = np.cumsum([0, *(each.shape[-1] for each in parts)])
         parts = [
             xp.where(flags[a:b], each, 0.0)
-            for each, (a, b) in zip(parts, pairwise(counts), strict=True)
+            for each, (a, b) in zip(parts, pairwise(begins), strict=True)
         ]
     return parts[0] if len(parts) == 1 else xp.concatenate(parts, axis=-1)
 
@@ -789,7 +789,7 @@ class Clearance:
         gaps = near.distance - selection.radii
         if flags is not None:
             gaps = functions_of(gaps).where(flags, gaps, 0.0)
-        return gaps, lambda *way: selection.gaps_between(X, near, p_WO, *way, flags)
+        return gaps, lambda *way: selection.gaps_between(X, near, p_WO, *way, flags=flags)
 
     @cached_property
     def between_arms(self) -> Clearance | None:

@@ -135,6 +135,11 @@ class SharedSlot:
         self._last = at + self.size - 8
         self._number = 0
 
+    @property
+    def written(self) -> int:
+        """How often it has been written, with what is being written now."""
+        return read_word(self._memory, self.at)
+
     def write(self, *fields: float | bytes) -> None:
         """Write it in place of an older one."""
         self._number = number = self._number + 1

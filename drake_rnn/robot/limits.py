@@ -45,8 +45,9 @@ OUTSIDE = 0.2
 
 # Of any derivative, in its unit: what is slower than a micrometre a second does not move.
 _LEAST = 1e-6
-#: Largest finite bounds of the derivatives: what is larger bounds nothing, and is a slip.
-MOST = {"velocity": 1e6, "acceleration": 1e9, "jerk": 1e12, "snap": 1e15, "crackle": 1e18}
+#: Largest finite bounds of the derivatives: what is larger bounds nothing, and is a slip. Laws
+#: have a jerk of up to 2e14 where the acceleration has no bound.
+MOST = {"velocity": 1e6, "acceleration": 1e9, "jerk": 1e15, "snap": 1e18, "crackle": 1e21}
 
 #: Fields of bounds downwards by the name of the bound upwards, which is mirrored without them.
 LOWER = {"velocity": "velocity_lower", "acceleration": "acceleration_lower"}

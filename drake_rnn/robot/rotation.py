@@ -137,12 +137,11 @@ def rotation_by(vector: Array) -> Array:
 
 def _rotation_by(x: float, y: float, z: float) -> Array:
     """Return the rotation by one vector, in plain floats: a tool that is led has three a sample."""
-    angle = sqrt(x * x + y * y + z * z)
-    if angle == 0.0:
-        return np.eye(3)
-    # To the bit what many get, as NumPy's sinc rounds.
-    half, whole = np.pi * (0.5 * angle / np.pi), np.pi * (angle / np.pi)
-    s, c = sin(whole) / whole, 0.5 * (sin(half) / half) * (sin(half) / half)
+    angle, s, c = sqrt(x * x + y * y + z * z), 1.0, 0.5
+    if angle:
+        # As NumPy's sinc rounds.
+        half, whole = np.pi * (0.5 * angle / np.pi), np.pi * (angle / np.pi)
+        s, c = sin(whole) / whole, 0.5 * (sin(half) / half) * (sin(half) / half)
     xy, xz, yz = c * (x * y), c * (x * z), c * (y * z)
     return np.array(
         (

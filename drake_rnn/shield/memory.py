@@ -184,10 +184,10 @@ class Work(NamedTuple):
 
     def record(self, sizes: ShieldSizes) -> list[float]:
         """Return its numbers in the order of the memory."""
-        states = [*self.before.tolist(), *self.after.tolist()]
-        unused = [0.0] * (2 * sizes.most_state - len(states))
         head = self.overruns, self.withdrawn, self.limits, self.before.size
-        return [*head, *self.target.tolist(), *states, *unused]
+        numbers = np.concatenate((self.target, self.before, self.after)).tolist()
+        unused = [0.0] * (2 * (sizes.most_state - self.before.size))
+        return [*head, *numbers, *unused]
 
 
 @dataclass(frozen=True)

@@ -259,8 +259,8 @@ class ShieldCommander:
 
     def _take_limits(self) -> None:
         """Keep limits that have come, from the next command on or as soon as the motion allows."""
-        record = self._memory.limits.read()
-        if record is None or record[0] == self._limits_asked:
+        slot = self._memory.limits
+        if slot.written == self._limits_asked or (record := slot.read()) is None:
             return
         self._limits_asked, numbers = record[0], record[1:]
         reason = b""

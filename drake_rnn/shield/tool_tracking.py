@@ -28,8 +28,10 @@ from .twist_lead import Feedback, TwistLead
 OFF, TURNED = 0.01, 0.03
 #: A tool that is nearer than this is at its pose [m].
 AT = 1e-3
-# What a motion of the joints brings a tool at the end of its reach at least [m].
-_LITTLE = 0.2
+# What a motion of the joints brings a tool at the end of its reach at least [m]; the share of what
+# is wanted beyond which a tool that joints cannot give it does not follow; motions that bring it
+# less than the last count as none [m].
+_LITTLE, _MISSED, _FLAT = 0.2, 0.5, 0.05
 # Deceleration and largest speed with which a tool joins poses [m/s^2, m/s]; the first is no more
 # than joints that are slow to brake can make of it, this far from the tool [m].
 _BRAKING, _JOINING, _ARM = 1.0, 0.5, 0.5
@@ -142,19 +144,29 @@ class ToolTracking:
     def _turn(self, q: Array, wanted: Array, before: Array | None) -> None:
         """Count progress anew from a posture, of another task velocity than before [m/s].
 
-        A tool at the end of its reach, which hardly any motion of joints takes back, leaves it by
-        the way it came.
+        A tool at an end that hardly any motion of joints takes back leaves it by the way it came.
         """
         is_back = before is not None and self._is_at_end and wanted @ before < 0.0
         if is_back:
             # What it strayed from its line while something held it is not taken back on the way.
             self._lead.clear()
-        brings = np.linalg.norm(wanted @ (_LENGTHS[:, None] * self._step.u["J"]))
-        if is_back and brings < _LITTLE * np.linalg.norm(wanted):
+        if is_back and self._hardly_goes(wanted):
             self._way_back.turn(q)
         else:
             self._way_back.clear()
         self._progress = NO_PROGRESS
+
+    def _hardly_goes(self, wanted: Array) -> bool:
+        """Return whether joints hardly make a task velocity, shape (6,) [m/s], or most of it not.
+
+        So it is at the end of reach, and for an arm of few joints that would have to turn its tool.
+        """
+        J, size = _LENGTHS[:, None] * self._step.u["J"], float(np.linalg.norm(wanted))
+        if float(np.linalg.norm(wanted @ J)) < _LITTLE * size:
+            return True
+        made = J @ J.T
+        missed = _FLAT**2 * np.linalg.solve(made + _FLAT**2 * np.eye(6), wanted)
+        return float(np.linalg.norm(missed)) > _MISSED * size
 
     def _leads_elsewhere(self, here: tuple[Array, Array]) -> bool:
         """Return whether a pose leads elsewhere than it did as the tool last got on, from there.
@@ -186,6 +198,8 @@ class ToolTracking:
         q, limits, period = guard.position, self._limits, self._period
         speed = float(np.linalg.norm(wanted))
         if (back := self._way_back.velocity(q, speed, period)) is not None:
+            # What leads it on begins where that ends.
+            self._lead.clear()
             return back / max(float((np.abs(back) / limits.toward("velocity", back)).max()), 1.0)
 
         if asks_for_nothing(wanted):

@@ -1,7 +1,9 @@
 """Runs that fail, are stopped or cannot begin: what is kept, and what is said."""
 
+import json
 import subprocess
 import sys
+from resource import RLIM_INFINITY, RLIMIT_FSIZE, setrlimit
 
 import numpy as np
 import pytest
@@ -118,3 +120,30 @@ def test_a_terminated_run_keeps_what_it_had(tmp_path):
     assert record["status"] == "interrupted"
     assert 0.0 < record["until_s"] < 3000.0
     assert Result.load(tmp_path / KNOWN).time[-1] == record["until_s"]
+
+
+@pytest.mark.long
+def test_a_campaign_that_finds_no_room_ends_with_a_sentence_and_goes_on_from_its_rows(tmp_path):
+    """A file may have 3 kB: rows have less, their page more. Nothing is lost."""
+    campaign, out = tmp_path / "room.yaml", tmp_path / "out"
+    vary = "vary: {law.damping: [0.01, 0.02, 0.03, 0.04, 0.05, 0.06]}"
+    campaign.write_text(f"experiment: pinv_line\nchanges: {{duration: 0.05}}\n{vary}\n")
+    program = "from drake_rnn.cli import main; main()"
+    command = [sys.executable, "-c", program, "campaign", campaign, "--out", out, "--jobs", "1"]
+
+    def ended(**options):
+        pipes = {"capture_output": True, "text": True, "timeout": PATIENCE}
+        return subprocess.run(command, check=False, **pipes, **options)
+
+    full = ended(preexec_fn=lambda: setrlimit(RLIMIT_FSIZE, (3000, RLIM_INFINITY)))
+    assert full.returncode == 2
+    said = full.stderr.splitlines()
+    assert [line.partition(" /")[0] for line in said if line] == ["error page"]
+    assert said[-1].endswith("summary.html: File too large")
+    rows = {file: file.stat().st_mtime_ns for file in out.glob("*/rows/*/*.json")}
+    assert len(rows) == 6
+    assert all(json.loads(file.read_text()) for file in rows)
+    again = ended()
+    assert again.returncode == 0, again.stderr
+    assert "6 of them from before" in again.stdout
+    assert rows == {file: file.stat().st_mtime_ns for file in rows}

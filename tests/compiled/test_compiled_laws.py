@@ -9,14 +9,19 @@ import pytest
 from drake_rnn import (
     Adaptive,
     CompiledStep,
+    Guard,
     InvalidInputError,
+    JointStream,
     Layout,
     Pseudoinverse,
     Result,
     SampledController,
     SampledLaw,
+    arm_clearance,
     check_experiment,
+    load_arm,
     load_experiment,
+    make_obstacles,
     simulate,
 )
 from drake_rnn.compiled import library
@@ -176,6 +181,30 @@ def test_no_bound_breaks_in_c_in_ten_thousand_cases(jacobian, jerk):
     # They are against limits of accelerations and velocities.
     assert min(worst["acceleration"], worst["velocity"]) > -1e-3
     assert np.quantile(fastest, 0.9) > 0.3
+
+
+@pytest.mark.long
+def test_among_many_balls_commands_are_those_of_numpy():
+    """More pairs matter than few, of which a compiled step looks at no others."""
+    arm = load_arm("panda")
+    angles = 2.0 * np.pi * np.arange(12) / 12
+    balls = [
+        {"kind": "ball", "center": [0.5, 0.3 * np.cos(a), 0.45 + 0.3 * np.sin(a)], "radius": 0.06}
+        for a in angles
+    ]
+    balls[3] |= {"speed": 0.2, "error": 0.002}
+    clearance, _ = arm_clearance(arm, make_obstacles(balls), arm.home)
+    limits = arm.limits.replace(velocity=1.0, acceleration=5.0, jerk=200.0)
+    law = JointStream(limits=limits, home=np.asarray(arm.home), clearance=clearance)
+    in_c, by_numpy = (Guard(law, 0.005, compiled=compiled) for compiled in (True, False))
+    rng, p_WO = np.random.default_rng(3), np.zeros((1, 3))
+    for k in range(600):
+        if k % 60 == 0:
+            target = arm.home + rng.uniform(-1.2, 1.2, 7)
+        p_WO = p_WO + 0.0005 * rng.uniform(-1.0, 1.0, (1, 3))
+        q, right = (np.array(guard.command(target, p_WO)) for guard in (in_c, by_numpy))
+        np.testing.assert_allclose(q, right, atol=1e-9, err_msg=str(k))
+    assert in_c.uncertified == by_numpy.uncertified
 
 
 @needs_compiler

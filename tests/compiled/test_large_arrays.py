@@ -230,6 +230,30 @@ def test_what_one_side_needs_is_in_its_branch():
     assert call(np.r_[-1.0, 7.0, np.zeros(86)]) == 7.0
 
 
+def test_rounds_that_a_flag_leaves_out_are_not_made():
+    """What is chosen by one flag of a lane is computed with the flag alone, and sums go on."""
+
+    def choose(x, y):
+        flags = x[0] > 0.0
+        length = jnp.sqrt((x * x).sum(axis=0) + y * y)
+        parts = jnp.where(flags, x[:1] / length / (1.0 + length) + jnp.tanh(y), -jnp.inf)
+        sums = jnp.cumsum(jnp.where(flags, jnp.exp(y) / (1.0 + length) / length, 0.0), axis=1)
+        none = lax.cond(x[1, 0] > 0.0, lambda: -0.0 * jnp.ones((7, 88)), lambda: jnp.zeros((7, 88)))
+        return jnp.concatenate((parts, sums, jnp.copysign(1.0, none)))
+
+    call, text = in_c(choose, (3, 88), (7, 88))
+    assert text.index("if (n") < text.index("tanh(")
+    for sign in (1.0, -1.0):
+        x, y = RNG.normal(size=(3, 88)), RNG.normal(size=(7, 88))
+        x[1, 0] = sign
+        parts = np.ones((3, 7, 88))
+        flags, length = x[0] > 0.0, np.sqrt((x * x).sum(axis=0) + y * y)
+        parts[0] = np.where(flags, x[:1] / length / (1.0 + length) + np.tanh(y), -np.inf)
+        parts[1] = np.cumsum(np.where(flags, np.exp(y) / (1.0 + length) / length, 0.0), axis=1)
+        parts[2] *= -sign
+        np.testing.assert_allclose(call(x, y).reshape(parts.shape), parts, rtol=1e-13)
+
+
 def test_tables_are_constants():
     _, text = in_c(lambda x: x * TABLE[0, :, 0], (88,))
     assert text.count("static const double") == 1

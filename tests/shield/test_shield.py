@@ -722,6 +722,22 @@ def test_chunks_that_disagree_are_blended_without_a_jump():
     assert path_of(0.0, 0.5, switch="now").at(0.501)[0] == 2.0
 
 
+def test_the_way_of_a_stick_at_1_khz_is_the_blend_of_what_was_wanted_and_its_newest_target():
+    """At all times at which the way may bend, also if it waits in between."""
+    rng, path = np.random.default_rng(0), ChunkPath()
+    for k in range(300):
+        now, before, target = 1e-3 * k, path.path, rng.normal(size=(1, 2))
+        path.put(Chunk(np.array([now]), target), now)
+        if k % 50 == 49:
+            path.put_off(5e-4)
+        elif before is not None:
+            times, weight = path.path.times, np.clip((path.path.times - now) / 0.1, 0.0, 1.0)
+            wanted = (1.0 - weight)[:, None] * before.at(times) + weight[:, None] * target
+            assert (np.diff(times) > 0.0).all()
+            assert path.path.values == pytest.approx(wanted, abs=1e-14)
+            assert set(before.times[(before.times > now) & (before.times < now + 0.1)]) <= {*times}
+
+
 def test_an_ensemble_is_the_weighted_mean_of_what_covers_a_time():
     path = path_of(0.0, 0.5, 0.6, switch="ensemble")
     w = np.exp(-0.1 * np.arange(3))

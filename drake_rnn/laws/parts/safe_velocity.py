@@ -741,20 +741,22 @@ class WithinClear:
             return DistanceScans(are_few, DistanceScan(along, near.slopes), every)
 
         def every() -> DistanceScans:
-            # Of a pair that is not close, what only the certificate would look at is not needed.
-            with_rows = np.isin(np.arange(len(k)), _WITH_SLOPES)[:, None]
-            needs = Needs(flags & (with_rows | sight.close), self._bounds_of_slopes(sight))
+            needs = self._needs(sight, flags)
             near = sight.world.near(path, k, _ALL, _WITH_SLOPES, needs)
             along = Along(None, flags, k, path, near.gaps)
             return DistanceScans(are_few, nothing.few, DistanceScan(along, near.slopes))
 
         return either(are_few, few, every)
 
-    def _bounds_of_slopes(self, sight: Sight) -> Array:
-        """Return distances from which on slopes do not matter, shape (1 + s, p) [m]."""
-        # Here they are for joints that make way, and to be lifted off what is near.
-        here = functions_of(self._zones).maximum(self._zones, self.avoidance.distance)
-        return functions_of(sight.q, here).concatenate((here[None], self._row_bounds(sight)))
+    def _needs(self, sight: Sight, flags: Flags) -> Needs:
+        """Return what a look at all pairs has to tell of those with a flag, shape (p,)."""
+        xp = functions_of(sight.q)
+        # Of a pair that is not close, what only the certificate would look at is not needed.
+        with_rows = np.isin(np.arange(len(sight.k)), _WITH_SLOPES)[:, None]
+        # Here slopes are for joints that make way, and to be lifted off what is near.
+        here = xp.maximum(self._zones, self.avoidance.distance)
+        bounds = xp.concatenate((here[None], self._row_bounds(sight)))
+        return Needs(flags & (with_rows | sight.close), bounds)
 
     def _row_bounds(self, sight: Sight, numbers: Indices | None = None) -> Array:
         """Return distances from which on no velocity of the box can fail a row, shape (s, r)."""

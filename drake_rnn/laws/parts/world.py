@@ -245,7 +245,7 @@ class World:
         return self.view(q, k, pairs)[0]
 
     def view(
-        self, q: Array, k: Array, pairs: Indices | slice
+        self, q: Array, k: Array, pairs: Indices | slice, flags: Flags | None = None
     ) -> tuple[Array, Callable[[Array, Array], Array]]:
         """Return the least that pairs can be apart, and what planes leave between postures.
 
@@ -253,6 +253,7 @@ class World:
             q: Postures, shape (s, n) [rad].
             k: After how many samples they are reached, shape (s,).
             pairs: The pairs, in order, shape (r,), or all.
+            flags: Which of these count, see `Clearance.view`.
 
         Returns:
             Distances, shape (s, r) [m], and a function that returns what planes leave of pairs in
@@ -261,10 +262,10 @@ class World:
         """
         numbers = None if isinstance(pairs, slice) else pairs
         if self.places is None:
-            return self.clearance.view(q, None, numbers)
+            return self.clearance.view(q, None, numbers, flags)
         nearer = self.nearer(k, pairs)
         views = [
-            (*self.clearance.view(q, p_WO, numbers), entries(doubt, pairs) + nearer)
+            (*self.clearance.view(q, p_WO, numbers, flags), entries(doubt, pairs) + nearer)
             for p_WO, doubt in self._places
         ]
         xp = functions_of(q, nearer)
@@ -629,7 +630,8 @@ class Certificate:
         k = samples_of(samples)
         travel, way = stop.travel_and_way(u, k)
         path = q + travel
-        gaps, planes_between = world.view(path, k, pairs)
+        is_sparse = isinstance(pairs, slice) and knows_branches(samples)
+        gaps, planes_between = world.view(path, k, pairs, counts if is_sparse else None)
         way = way[1:] - way[:-1]
         nearer, bend = self.clearance.way_and_bend(way, pairs)
         by_way = self._by_way(gaps, nearer + world.nearer(k[1:] - k[:-1], pairs)) | ~counts

@@ -226,6 +226,7 @@ class Pairs:
         p_WO: Array | None,
         bend: Array,
         nearer: Array,
+        flags: Flags | None = None,
     ) -> Array:
         """Return what planes leave of pairs in each piece of a way, shape (k - 1, p) [m].
 
@@ -241,6 +242,7 @@ class Pairs:
             bend: Largest second derivative of the way of points along each piece, as a function of
                 the share of it that is gone, shape (k - 1, p) [m].
             nearer: How far they move against the link of `frames` in it at most, likewise.
+            flags: Which pairs count, shape (p,); None for all.
         """
         xp, normals = functions_of(X), _normals(near)
         sides = self.sides
@@ -261,11 +263,11 @@ class Pairs:
             forth = xp.concatenate((on, forth[:, own:]), axis=1)
             back = xp.concatenate((off, back[:, own:]), axis=1)
             turn = xp.concatenate((turn_own, turn[:, own:]), axis=1)
-        here = _parted_by(sides, ends, normals)
+        here = _parted_by(sides, ends, normals, flags)
         # But for rounding that is the distance, which may be the least that is allowed.
         here = xp.where(here >= near.distance - _ROUNDING, near.distance, here)
-        after = _parted_by(sides, ends[1:], forth)
-        before = _parted_by(sides, ends[:-1], back)
+        after = _parted_by(sides, ends[1:], forth, flags)
+        before = _parted_by(sides, ends[:-1], back, flags)
         planes = xp.maximum(
             least_on_bow(here[:-1], after, bend), least_on_bow(before, here[1:], bend)
         )
@@ -275,7 +277,7 @@ class Pairs:
         return xp.maximum(planes, turned) - self.radii
 
     def nearest(self, X: Array, p_WO: Array | None, flags: Flags | None = None) -> Nearest:
-        """Return the nearest points of the pairs' segments; 0 where there is no flag, (k, p)."""
+        """Return the nearest points of the pairs' segments; 0 where there is no flag, (..., p)."""
         sides, ends = self.sides, self.arm.segments_in_world(X)
         xp = functions_of(X)
         if p_WO is not None and p_WO.size:
@@ -297,10 +299,7 @@ class Pairs:
             near = to_cylinders(segments, solid.axes, solid.half, solid.radii)
             back = (x + solid.centers for x in near[1:])
             nearest_points.append(Nearest(near.distance, *back))
-        if flags is not None:
-            counts = [each.distance.shape[-1] for each in nearest_points]
-            parts = [flags[..., a:b] for a, b in pairwise((0, *np.cumsum(counts)))]
-            nearest_points = list(map(_only, nearest_points, parts))
+        nearest_points = _only(nearest_points, flags)
         if len(nearest_points) == 1:
             return nearest_points[0]
         if not nearest_points:
@@ -311,11 +310,20 @@ class Pairs:
         return Nearest(xp.concatenate(distance, axis=-1), *parts)
 
 
-def _only(near: Nearest, flags: Flags) -> Nearest:
-    """Return nearest points where there is a flag, shape (k, p), and 0 for the others."""
-    where = functions_of(near.distance, flags).where
-    points = (where(flags[..., None], each, 0.0) for each in near[1:])
-    return Nearest(where(flags, near.distance, 0.0), *points)
+def _only(kinds: list[Nearest], flags: Flags | None) -> list[Nearest]:
+    """Return nearest points of pairs of each kind, 0 where there is no flag, shape (..., p)."""
+    if flags is None:
+        return kinds
+    counts, where, found = (
+        np.cumsum([0, *(len(each.distance.T) for each in kinds)]),
+        functions_of(flags).where,
+        [],
+    )
+    for (distance, *points), (a, b) in zip(kinds, pairwise(counts), strict=True):
+        some = flags[..., a:b]
+        points = [where(some[..., None], each, 0.0) for each in points]
+        found.append(Nearest(where(some, distance, 0.0), *points))
+    return found
 
 
 def least_on_bow(begin: Array, end: Array, bend: Array | float) -> Array:
@@ -384,7 +392,7 @@ def _heights(points: Array, normals: Array) -> Array:
     return (points * normals[..., None, :]).sum(axis=-1)
 
 
-def _parted_by(sides: _Sides, ends: Array, normals: Array) -> Array:
+def _parted_by(sides: _Sides, ends: Array, normals: Array, flags: Flags | None) -> Array:
     """Return by how much directions part the two sides of pairs, shape (k, p) [m].
 
     That is the lowest point of the first side less the highest of the second one along a vector
@@ -394,6 +402,7 @@ def _parted_by(sides: _Sides, ends: Array, normals: Array) -> Array:
         sides: The sides, of obstacles where they are.
         ends: Ends of the capsules in k postures, shape (k, c, 2, 3) [m].
         normals: The directions, shape (k, p, 3).
+        flags: Which pairs count, shape (p,); None for all. Of others it is 0.
     """
     xp, parts = functions_of(ends, normals), []
     counts = [len(sides.round_first), len(sides.half), len(sides.levels), len(sides.cylinder_first)]
@@ -420,6 +429,12 @@ def _parted_by(sides: _Sides, ends: Array, normals: Array) -> Array:
         high = (n * solid.centers).sum(axis=-1) + xp.abs(along) * solid.half
         high = high + across * solid.radii
         parts.append(xp.minimum(low[..., 0], low[..., 1]) - high)
+    if flags is not None:
+        begins = np.cumsum([0, *(each.shape[-1] for each in parts)])
+        parts = [
+            xp.where(flags[a:b], each, 0.0)
+            for each, (a, b) in zip(parts, pairwise(begins), strict=True)
+        ]
     return parts[0] if len(parts) == 1 else xp.concatenate(parts, axis=-1)
 
 
@@ -747,11 +762,22 @@ class Clearance:
         return Near(number, *selection.distances_and_slopes(X, p_WO, with_slopes, needs))
 
     def view(
-        self, q: Array, p_WO: Array | None = None, pairs: Indices | None = None
+        self,
+        q: Array,
+        p_WO: Array | None = None,
+        pairs: Indices | None = None,
+        flags: Flags | None = None,
     ) -> tuple[Array, Callable[[Array, Array], Array]]:
         """Return distances on a way, and a function for what planes leave between postures.
 
-        That is computed only if it is called; arguments are those of `near`.
+        That is computed only if it is called.
+
+        Args:
+            q: Joint positions, shape (k, n) [rad].
+            p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
+            pairs: The pairs that are looked at, in order, shape (r,); None for all.
+            flags: Which of these count, shape (r,); None for all. What is returned of others means
+                nothing.
 
         Returns:
             Distances, shape (k, r) [m], and a function that returns what `Pairs.gaps_between` does,
@@ -759,9 +785,11 @@ class Clearance:
         """
         selection = self._every if pairs is None else self._among(pairs)
         X = self.arm.poses.at(q)
-        near = selection.nearest(X, p_WO)
+        near = selection.nearest(X, p_WO, flags)
         gaps = near.distance - selection.radii
-        return gaps, lambda *way: selection.gaps_between(X, near, p_WO, *way)
+        if flags is not None:
+            gaps = functions_of(gaps).where(flags, gaps, 0.0)
+        return gaps, lambda *way: selection.gaps_between(X, near, p_WO, *way, flags=flags)
 
     @cached_property
     def between_arms(self) -> Clearance | None:

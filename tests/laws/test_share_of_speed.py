@@ -130,11 +130,11 @@ def test_an_arm_that_learns_its_jacobian_rests_where_a_hand_leads_it_out_of_reac
     assert hand.errors[-1] > 0.1
     assert hand.time_to_rest() < 2.0
     assert max(hand.speeds[-50:]) < 0.01
-    # It comes at once where the target comes back, at a bounded speed of its own, and gets there.
+    # It comes at once where the target comes back, and has all of its speed.
     hand.lead(hand.begin, 0.2)
     assert max(hand.speeds[-10:]) > 0.05
-    hand.lead(hand.begin, 9.0)
-    assert hand.errors[-1] < 1e-3
+    hand.lead(hand.begin, 1.0)
+    assert max(hand.speeds[-50:]) > 0.9
 
 
 def _all_of_it(part, state, *seen):

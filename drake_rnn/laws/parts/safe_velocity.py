@@ -52,8 +52,8 @@ the way, which stays true. The full stop is looked at in more postures than rows
 was seen mostly certifies the velocity that is chosen as well: it differs little.
 
 One robot's law is written in functions of its arrays, so that JAX traces it and C can be made of
-it. There all pairs are looked at, those without need in vain: of these a mask leaves out what would
-be seen. NumPy looks at the others alone, and decides the same.
+it. JAX looks at all pairs, at those without need in vain: of these a mask leaves out what would be
+seen. NumPy looks at the others alone, C too but for loops over small arrays; all decide the same.
 """
 
 from __future__ import annotations

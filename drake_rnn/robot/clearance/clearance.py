@@ -789,7 +789,11 @@ class Clearance:
         gaps = near.distance - selection.radii
         if flags is not None:
             gaps = functions_of(gaps).where(flags, gaps, 0.0)
-        return gaps, lambda *way: selection.gaps_between(X, near, p_WO, *way, flags=flags)
+
+        def planes(bend: Array, nearer: Array) -> Array:
+            return selection.gaps_between(X, near, p_WO, bend, nearer, flags)
+
+        return gaps, planes
 
     @cached_property
     def between_arms(self) -> Clearance | None:

@@ -321,7 +321,7 @@ def test_the_state_has_what_the_options_ask_for():
     learned = adaptive(jacobian="learned", task_size=6, measurement={"delay": 3e-3})
     state = learned.sampled(PERIOD).state
     before = {"q_before", "p_before", "R_before", "q_late"}
-    assert {*state.parts} == base | {"J_hat", "covariance"} | before
+    assert {*state.parts} == base | {"J_hat", "covariance", "progress"} | before
     assert state.parts["q_late"][1] == (3, N)
     assert "J" not in learned.inputs
     assert "R_preview" in learned.inputs

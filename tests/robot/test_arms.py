@@ -563,14 +563,15 @@ def test_copies_with_other_limits_share_the_plant_and_those_with_other_links_do_
     assert again.memo == {}
 
 
-def test_what_is_known_of_capsules_is_that_of_the_posture_and_the_position_limits():
+def test_pairs_are_those_of_the_posture_and_the_position_limits_and_capsules_of_the_arm():
     arm = load_arm("iiwa14")
     once, _ = arm_clearance(arm, [], arm.home)
     again, _ = arm_clearance(arm.with_limits(arm.limits.replace(velocity=0.1)), [], arm.home)
-    assert again.arm is once.arm
+    assert again.own is once.own
     bent = arm.home + 0.01
     other, _ = arm_clearance(arm, [], bent)
-    assert other.arm is not once.arm
+    assert other.own is not once.own
+    assert other.arm is once.arm
     narrow = arm.limits.replace(position_lower=arm.home - 0.1, position_upper=arm.home + 0.1)
     fewer, _ = arm_clearance(arm.with_limits(narrow), [], arm.home)
-    assert fewer.arm is not once.arm
+    assert fewer.own is not once.own

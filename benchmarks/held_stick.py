@@ -83,7 +83,7 @@ PROGRESS, REST, LEAVES = 1e-3, 0.01, 1e-3
 # that is in the way [m].
 ALARM, LOOKS, NEAR = 0.3, 0.05, 0.013
 # After which time without progress shields call back that they are blocked [s].
-AT_ONCE = 1e-6
+AT_ONCE = 1e-4
 # What is beyond a limit, as a share of it.
 EXACT = 1e-9
 # Where the second Panda stands [m], for how long it is led on at most, and from when on it is at

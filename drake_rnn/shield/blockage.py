@@ -16,8 +16,8 @@ from ..laws.guard import LastStep
 # what would [s].
 _LOOKS, _AGAIN = (0.05, 0.15, 0.25), 0.5
 # A pair that has held the arm back is in its way while it is below so many of the distances at
-# which arms rest.
-_NEAR = 1.5
+# which arms rest, and while the arm is coming to rest.
+_NEAR, _SWERVES = 1.5, 2.5
 
 
 class Look(NamedTuple):
@@ -81,7 +81,9 @@ class Blockage:
         while self._looks:
             (step, wanted), is_early = self._looks.popleft()
             avoidance = step.reading.law.avoidance
-            pairs = step.pairs_in_the_way(wanted, self._pairs, _NEAR * avoidance.distance)
+            # One that is coming to rest swerves.
+            near = (_SWERVES if is_early else _NEAR) * avoidance.distance
+            pairs = step.pairs_in_the_way(wanted, self._pairs, near)
             if is_early:
                 pairs = np.union1d(pairs, step.causes.pairs)
             self._pairs = tuple(pairs.tolist())

@@ -95,15 +95,15 @@ def test_a_longer_run_is_that_of_numpy(name):
 def against(step, reading, period, rng, start, samples):
     """Return the commanded velocities, where J, path and measurements are drawn again and again.
 
-    In half of the time the target rests. The arm is at rest before, at a start; the first two
-    velocities are those.
+    In half of the time the target rests, where the law measures its progress. The arm is at rest
+    before, at a start; the first two velocities are those.
     """
     shapes = {name: shape for name, (_, shape) in reading.inputs.parts.items()}
     q, draw, velocities = start, {}, [np.zeros(N)] * 2
     for k in range(samples):
         if k % rng.choice([1, 10, 200]) == 0:
             draw = {name: 0.5 * rng.normal(size=shape) for name, shape in shapes.items()}
-            if k % 200 > 100:
+            if "progress" in reading.state.parts and k % 200 > 100:
                 draw["p_preview"] = draw["p_WE_desired"]
         u = {**draw, "position": q}
         x = reading.initial_state(rng, u) if k == 0 else x  # noqa: F821  of the round before

@@ -27,6 +27,7 @@ from __future__ import annotations
 
 import argparse
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -87,7 +88,7 @@ class StickTask:
         return cls(shield.arm, q, shield.limits, shield.period, obstacles, clearance)
 
 
-class Follower:
+class Follower(ABC):
     """An arm that a library leads, with the members that an episode needs of a shield.
 
     Args:
@@ -132,9 +133,9 @@ class Follower:
         self.velocity = (self.position - before) / self.period
         return self.position
 
+    @abstractmethod
     def _next(self, t: float) -> Array:
         """Return the positions a period later, shape (n,) [rad]; may raise a NoSolutionError."""
-        raise NotImplementedError
 
     def _twist(self, t: float) -> Array:
         """Return the twist that the tool is to have now, shape (6,) [rad/s, m/s]."""
@@ -213,7 +214,7 @@ class ByKlimits(Follower):
             return [[-x, x] for x in np.broadcast_to(most, n).tolist()]
 
         bounds = np.stack((limits.position_lower, limits.position_upper), axis=1)
-        self._a = np.zeros(n)
+        self._v, self._a = np.zeros(n), np.zeros(n)
         return klimits.PosVelJerkLimitation(
             time_step=self.period,
             pos_limits=bounds.tolist(),
@@ -227,8 +228,6 @@ class ByKlimits(Follower):
 
     def _next(self, t: float) -> Array:
         klimits, room, q, period = import_module("klimits"), self._room, self.position, self.period
-        if not hasattr(self, "_v"):
-            self._v = np.zeros(self.arm.n)
         v, a = self._v, self._a
         allowed, _ = room.calculate_valid_acceleration_range(q, v, a)
         lack, jerk = self._joint_velocity(t) - v, np.asarray(self.limits.jerk)
@@ -242,17 +241,14 @@ class ByKlimits(Follower):
 class ByProgram(Follower):
     """A quadratic program among capsules, linearised at the middle of the sample."""
 
-    @cached_property
-    def _scheme(self) -> Any:
-        """A scheme of `peer_schemes`."""
-        raise NotImplementedError
+    _scheme: Any  # one of `peer_schemes`
 
     def _damp(self, q: Array) -> None:
         """Have joints that the task leaves free rest at a posture, shape (n,) [rad]."""
 
+    @abstractmethod
     def _follow_joints(self, q: Array) -> Any:
         """Have the program lead to joint positions, shape (n,) [rad], and return its tasks."""
-        raise NotImplementedError
 
     def _next(self, t: float) -> Array:
         q, v, period = self.position, self.velocity, self.period
@@ -261,10 +257,8 @@ class ByProgram(Follower):
         p, R = scheme.pose(middle)
         aim = Aim(middle, p, R, p, R)
         if self._kind == "velocity":
-            tasks, scheme._tasks = (
-                scheme._tasks,
-                self._follow_joints(middle + period * self._target),
-            )
+            tasks = scheme._tasks
+            scheme._tasks = self._follow_joints(middle + period * self._target)
             try:
                 return np.asarray(q + period * scheme.towards(aim, q, v))
             finally:
@@ -332,11 +326,13 @@ class ByOInK(ByProgram):
         }
         return type("OInK", (module.OInKAmong,), {"chosen": chosen})(self.task)
 
+    @cached_property
+    def _tasks(self) -> list[Any]:
+        """Those of the scheme without damping."""
+        return list(self._scheme._tasks)
+
     def _damp(self, q: Array) -> None:
-        if not hasattr(self, "_tasks"):
-            self._tasks = list(self._scheme._tasks)
-        damping = self._configuration_task(q, DAMPING**2)
-        self._scheme._tasks = [*self._tasks, damping]
+        self._scheme._tasks = [*self._tasks, self._configuration_task(q, DAMPING**2)]
 
     def _configuration_task(self, q: Array, weight: float) -> Any:
         ik, scheme = import_module("roboplan.optimal_ik"), self._scheme

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 from warnings import warn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..inputs.fields import Array
 from ..laws.guard import LastStep
@@ -31,6 +31,16 @@ class Look(NamedTuple):
     step: LastStep
     wanted: Array
 
+    def pairs(self, known: NDArray[np.intp], near: float) -> NDArray[np.intp]:
+        """Return the pairs that would hold back what is wanted, with those known that are near.
+
+        Args:
+            known: Pairs that have held it back.
+            near: Below how many of the distances at which arms rest they are.
+        """
+        distance = self.step.reading.law.avoidance.distance
+        return self.step.pairs_in_the_way(self.wanted, known.tolist(), near * distance)
+
 
 class Blockage:
     """For how long an arm has not got on.
@@ -49,9 +59,10 @@ class Blockage:
 
     def __init__(self, after: float, tell: Callable[[Any], object] | None) -> None:
         self.time, self._after, self._tell = 0.0, after, tell
-        # Looks, and whether it is as yet coming to rest; those that are not evaluated yet.
-        self._looks: deque[tuple[Look, bool]] = deque(maxlen=len(_LOOKS))
-        self._pairs: tuple[int, ...] = ()
+        # Looks as it came to rest, and the newest one since.
+        self._early: list[Look] = []
+        self._newest: Look | None = None
+        self._pairs: tuple[int, ...] | None = ()
 
     def note(self, time: float, look: Callable[[], Look], status: Callable[[], object]) -> None:
         """Take note of how long it has not got on.
@@ -64,11 +75,14 @@ class Blockage:
         before, self.time = self.time, time
         is_early = any(before < each <= time for each in _LOOKS)
         if not time:
-            self._looks.clear()
-            self._pairs = ()
+            self._early, self._newest, self._pairs = [], None, ()
         elif is_early or time // _AGAIN > before // _AGAIN:
             # What is in the way is worked out when it is asked for.
-            self._looks.append((look(), is_early))
+            self._pairs = None
+            if is_early:
+                self._early.append(look())
+            else:
+                self._newest = look()
         if self._tell is not None and before < self._after <= time:
             try:
                 self._tell(status())
@@ -78,13 +92,12 @@ class Blockage:
     @property
     def pairs(self) -> tuple[int, ...]:
         """Numbers of the pairs that are in the way of the arm."""
-        while self._looks:
-            (step, wanted), is_early = self._looks.popleft()
-            avoidance = step.reading.law.avoidance
-            # One that is coming to rest swerves.
-            near = (_SWERVES if is_early else _NEAR) * avoidance.distance
-            pairs = step.pairs_in_the_way(wanted, self._pairs, near)
-            if is_early:
-                pairs = np.union1d(pairs, step.causes.pairs)
+        if self._pairs is None:
+            pairs = np.zeros(0, dtype=np.intp)
+            for look in self._early:
+                # One that is coming to rest swerves.
+                pairs = np.union1d(look.pairs(pairs, _SWERVES), look.step.causes.pairs)
+            if self._newest is not None:
+                pairs = self._newest.pairs(pairs, _NEAR)
             self._pairs = tuple(pairs.tolist())
         return self._pairs

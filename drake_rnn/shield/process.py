@@ -10,13 +10,7 @@ from ..inputs.fields import Array, with_own_errors
 from ..robot.arm import Arm
 from ..robot.clearance.capsules import Displacements
 from ..robot.limits import JointLimits
-from .memory import ShieldMemory as ShieldMemory
-from .memory import ShieldSizes as ShieldSizes
-from .process_reading import (
-    CommandsOfProcess,
-    StreamOfProcess,
-    settings_of,
-)
+from .process_reading import CommandsOfProcess, StreamOfProcess, settings_of
 from .serving import ServedShield
 from .shield import ShieldSettings, ShieldStatus
 

@@ -535,6 +535,19 @@ def test_a_tool_led_into_a_table_rests_names_it_calls_back_and_leaves_at_once(ki
 
 
 @pytest.mark.long
+def test_what_is_told_of_a_blockage_does_not_depend_on_who_has_asked_before():
+    table = {"kind": "box", "center": [0.55, 0.0, 0.35], "size": [0.6, 0.8, 0.1]}
+    often, once = (Shield(PANDA, 1e-2, limits=LIMITS, obstacles=[table]) for _ in range(2))
+    for k in range(270):
+        for shield in (often, once):
+            shield.follow_twists(-UP, t=1e-2 * k)
+            shield.command(1e-2 * k)
+        assert often.status is not None
+    assert once.status == often.status
+    assert "tool and box 1" in once.status.limited_by
+
+
+@pytest.mark.long
 def test_velocities_held_at_a_limit_and_poses_out_of_reach_are_told():
     cases = {
         "velocities": ([0, 0, 0, -0.6, 0, 0, 0], ("panda_joint4 position",)),

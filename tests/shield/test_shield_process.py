@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, RobotError, Shield, load_arm
-from drake_rnn.shield.process import ShieldMemory, ShieldSizes
+from drake_rnn.shield.memory import ShieldMemory, ShieldSizes
 from process_helpers import PATIENCE, wait_for
 
 ROOT, LONG = Path(__file__).parents[2], pytest.mark.long
